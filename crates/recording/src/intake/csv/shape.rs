@@ -9,6 +9,7 @@ use super::rows::line_of;
 use super::split_time::SplitTime;
 use crate::Warning;
 use ::csv::ByteRecord;
+use std::collections::BTreeMap;
 
 /// Titles of columns that number the rows, in small letters.
 const NUMBERING: [&str; 9] = [
@@ -53,6 +54,8 @@ fn fields_of(record: &ByteRecord) -> Vec<String> {
 /// What the first rows of a text are.
 struct TopRows {
     rows: Vec<Vec<String>>,
+    /// Which fields of the rows are data.
+    are_data: Vec<Vec<bool>>,
     width: usize,
     /// The columns that hold data.
     data: Vec<usize>,
@@ -62,45 +65,49 @@ impl TopRows {
     /// The rows with the columns of their table; none where no rows look like one.
     fn of(records: &[ByteRecord]) -> Option<TopRows> {
         let rows: Vec<Vec<String>> = records.iter().map(fields_of).collect();
-        let has_data = |row: &&Vec<String>| {
-            row.len() > 1 && row.iter().any(|field| !field.is_empty() && is_data(field))
-        };
-        let widths = || rows.iter().filter(has_data).map(Vec::len);
-        let width = widths().max_by_key(|width| widths().filter(|other| other == width).count())?;
-        let of_width = || {
-            rows.iter()
-                .filter(has_data)
-                .filter(|row| row.len() == width)
-        };
+        let is_filled_data = |field: &String| !field.is_empty() && is_data(field);
+        let flags = |row: &Vec<String>| row.iter().map(is_filled_data).collect();
+        let are_data: Vec<Vec<bool>> = rows.iter().map(flags).collect();
+        let has_data = |row: &&Vec<bool>| row.len() > 1 && row.contains(&true);
+        let mut counts: BTreeMap<usize, usize> = BTreeMap::new();
+        for row in are_data.iter().filter(has_data) {
+            *counts.entry(row.len()).or_default() += 1;
+        }
+        let (width, _) = counts.into_iter().max_by_key(|(_, count)| *count)?;
+        let of_width = |k: &usize| has_data(&&are_data[*k]) && rows[*k].len() == width;
         let holds_data = |column: &usize| {
-            let fields = of_width().map(|row| row[*column].as_str());
-            let fields: Vec<&str> = fields.filter(|field| !field.is_empty()).collect();
-            let data = fields.iter().filter(|field| is_data(field)).count();
-            data > 0 && 2 * data >= fields.len()
+            let of_width = (0..rows.len()).filter(of_width);
+            let filled: Vec<usize> = of_width.filter(|k| !rows[*k][*column].is_empty()).collect();
+            let data = filled.iter().filter(|k| are_data[**k][*column]).count();
+            data > 0 && 2 * data >= filled.len()
         };
         let data = (0..width).filter(holds_data).collect();
-        Some(TopRows { rows, width, data })
+        Some(TopRows {
+            rows,
+            are_data,
+            width,
+            data,
+        })
     }
 
     /// Whether a row is one of data: half of the columns that hold data have some.
-    fn is_data(&self, row: &[String]) -> bool {
-        let field = |column: &&usize| row.get(**column).map_or("", String::as_str);
-        let has_data = |column: &&usize| !field(column).is_empty() && is_data(field(column));
+    fn is_data(&self, row: usize) -> bool {
+        let has_data = |column: &&usize| self.are_data[row].get(**column) == Some(&true);
         let filled = self.data.iter().filter(has_data).count();
         filled > 0 && 2 * filled >= self.data.len()
     }
 
     /// Whether a row may be that of the titles.
-    fn is_titles(&self, row: &[String]) -> bool {
-        let words = row.iter().filter(|field| !field.is_empty());
-        row.len() >= self.width
-            && 2 * words.clone().count() >= self.width
-            && words.clone().all(|field| !is_data(field))
+    fn is_titles(&self, row: usize) -> bool {
+        let words = self.rows[row].iter().filter(|field| !field.is_empty());
+        self.rows[row].len() >= self.width
+            && 2 * words.count() >= self.width
+            && !self.are_data[row].contains(&true)
     }
 
     /// The row of titles and that of units above the first row of data, or all rows that may be that of titles.
     fn titles(&self, first: usize) -> Result<(usize, Option<usize>), Vec<usize>> {
-        let may_be = |k: &usize| self.is_titles(&self.rows[*k]) || is_units(&self.rows[*k]);
+        let may_be = |k: &usize| self.is_titles(*k) || is_units(&self.rows[*k]);
         let is_comment = |k: &usize| {
             self.rows[*k]
                 .first()
@@ -163,7 +170,7 @@ impl Shape {
     /// The shape of a text that begins with these rows; none where nothing tells which row has the titles.
     pub(super) fn of(records: &[ByteRecord]) -> Option<Shape> {
         let top = TopRows::of(records)?;
-        let first = top.rows.iter().position(|row| top.is_data(row))?;
+        let first = (0..top.rows.len()).find(|row| top.is_data(*row))?;
         let (header, units, rivals) = match top.titles(first) {
             Ok((header, units)) => (header, units, Vec::new()),
             Err(rivals) => (*rivals.first()?, None, rivals),
