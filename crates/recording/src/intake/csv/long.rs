@@ -18,17 +18,17 @@ use std::io::Read;
 
 /// Where in a row things stand.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct LongColumns {
-    time: usize,
-    tag: usize,
-    value: usize,
-    quality: Option<(usize, Option<Scheme>)>,
-    unit: Option<usize>,
+pub(in crate::intake) struct LongColumns {
+    pub(in crate::intake) time: usize,
+    pub(in crate::intake) tag: usize,
+    pub(in crate::intake) value: usize,
+    pub(in crate::intake) quality: Option<(usize, Option<Scheme>)>,
+    pub(in crate::intake) unit: Option<usize>,
 }
 
 impl LongColumns {
     /// What the titles say, where there are a time, a tag and a value among them.
-    pub(super) fn of(titles: &[&str]) -> Option<Self> {
+    pub(in crate::intake) fn of(titles: &[&str]) -> Option<Self> {
         let plain = |title: &&str| -> String {
             let (name, _) = units::name_and_unit(title);
             let letters = name.chars().filter(|c| c.is_alphanumeric());

@@ -29,6 +29,7 @@ use crate::{NewScratch, ReceivedRecording, Warning};
 use ::csv::ByteRecord;
 use header::Header;
 pub(super) use header::time_name_and_unit;
+pub(super) use long::LongColumns;
 use rows::{TableRows, read_row};
 use sniff::{Fractions, Sniff};
 use std::io::Read;
