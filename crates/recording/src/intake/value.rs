@@ -83,11 +83,11 @@ impl CellValue {
 
 /// The number that a text is. Points and commas that are not those of fractions stand between thousands.
 pub(super) fn number(text: &str, decimal: Option<Decimal>) -> Option<f64> {
-    let (fraction, thousands) = match decimal {
-        Some(Decimal::Comma) => (',', '.'),
-        _ => ('.', ','),
+    let (fraction, thousands, is_plain) = match decimal {
+        Some(Decimal::Comma) => (',', '.', !text.contains(['.', ','])),
+        _ => ('.', ',', !text.contains(',')),
     };
-    if !text.contains([fraction, thousands]) || (fraction == '.' && !text.contains(',')) {
+    if is_plain {
         return text.parse().ok();
     }
     let (whole, behind) = text.split_once(fraction).unwrap_or((text, ""));

@@ -62,6 +62,7 @@ fn a_row_of_units_stands_below_the_titles() {
         "[s],[bar],[°C]",
         "(s),(bar),(DEG C)",
         "s;bar;degC",
+        "Unit:,bar,degC",
     ] {
         let text = format!("Time,PT,TT\n{units}\n{ROWS}");
         let text = match units.contains(';') {
@@ -101,8 +102,11 @@ fn lines_before_the_titles_are_left_out_and_it_is_told() {
         assert!(!tells(&recording, "row_of_units"), "{before}");
         check(&format!("{before}Time,PT,TT\ns,bar,degC\n{ROWS}"));
     }
+    let before = "LabVIEW Measurement\nDate,2026/03/02\nTime,08:15:00.1\nSamples,3,3\nX0,0.0,0.0\nDelta_X,0.1,0.1\n***End***\n";
+    check(&format!("{before}{TITLES}\n{ROWS}"));
     let commented = check(&format!("# rig 4\n# {TITLES}\n{ROWS}"));
     assert_eq!(commented.signals[0].name, "PT");
+    check(&format!("{TITLES}\n# by hand, on rig 4, twice\n#\n{ROWS}"));
     let semicolons = format!("Rig 4, run 3, hot\nStart: 08:15\n{TITLES}\n{ROWS}");
     let semicolons = semicolons
         .replace(',', ";")
@@ -201,6 +205,9 @@ fn the_indices_of_pandas_are_understood() {
     let numbered =
         check(",time [s],PT [bar],TT [degC]\n0,0.0,1.0,20\n1,0.1,1.1,21\n2,0.2,1.2,22\n");
     assert!(tells(&numbered, "row_numbers"));
+    check(
+        "No.,Date,Time,PT [bar],TT [degC]\n1,2.3.2026,8:15:00.0,1.0,20\n2,2.3.2026,8:15:00.1,1.1,21\n3,2.3.2026,8:15:00.2,1.2,22\n",
+    );
     check("Unnamed: 0,time,PT [bar],TT [degC]\n0,0.0,1.0,20\n1,0.1,1.1,21\n2,0.2,1.2,22\n");
     let text = ",PT [bar],TT [degC]\n0 days 00:00:00,1.0,20\n0 days 00:00:00.100000,1.1,21\n\
                 0 days 00:00:00.200000,1.2,22\n";

@@ -111,7 +111,7 @@ pub(super) fn read_row(
         return rows.titles(record);
     }
     while read_text_row(&mut rows.rows, record)? {
-        if is_empty(record) || !rows.shape.repeats_top(record) {
+        if !rows.shape.repeats_top(record) || is_empty(record) {
             rows.shape.fit(record);
             return Ok(true);
         }

@@ -90,11 +90,11 @@ impl TopRows {
         })
     }
 
-    /// Whether a row is one of data: half of the columns that hold data have some.
+    /// Whether a row is one of data: the first and half of the columns that hold data have some.
     fn is_data(&self, row: usize) -> bool {
         let has_data = |column: &&usize| self.are_data[row].get(**column) == Some(&true);
         let filled = self.data.iter().filter(has_data).count();
-        filled > 0 && 2 * filled >= self.data.len()
+        self.data.first().as_ref().is_some_and(has_data) && 2 * filled >= self.data.len()
     }
 
     /// Whether a row may be that of the titles.
@@ -105,21 +105,21 @@ impl TopRows {
             && !self.are_data[row].contains(&true)
     }
 
+    fn is_comment(&self, row: usize) -> bool {
+        let first = self.rows[row].first();
+        first.is_some_and(|field| field.starts_with('#'))
+    }
+
     /// The row of titles and that of units above the first row of data, or all rows that may be that of titles.
     fn titles(&self, first: usize) -> Result<(usize, Option<usize>), Vec<usize>> {
         let may_be = |k: &usize| self.is_titles(*k) || is_units(&self.rows[*k]);
-        let is_comment = |k: &usize| {
-            self.rows[*k]
-                .first()
-                .is_some_and(|field| field.starts_with('#'))
+        let all = || (0..first).filter(may_be);
+        let Some(last) = all().rfind(|k| !self.is_comment(*k)) else {
+            return all().next_back().map(|k| (k, None)).ok_or_else(Vec::new);
         };
-        let Some(last) = (0..first).rfind(may_be) else {
-            return Err(Vec::new());
-        };
-        if is_comment(&last) {
-            return Ok((last, None));
-        }
-        let block = (0..=last).rev().take_while(|k| may_be(k) && !is_comment(k));
+        let block = (0..=last)
+            .rev()
+            .take_while(|k| may_be(k) && !self.is_comment(*k));
         let mut block: Vec<usize> = block.collect();
         block.reverse();
         block.dedup_by(|later, earlier| self.rows[*later] == self.rows[*earlier]);
@@ -133,9 +133,14 @@ impl TopRows {
     }
 }
 
-/// A unit as it stands in a row of units, without brackets.
+/// A unit as it stands in a row of units, without brackets; nothing for a word that names the row.
 fn unit_of(field: &str) -> &str {
-    field.trim_matches(['[', ']', '(', ')', ' '])
+    const NAMES: [&str; 5] = ["unit", "units", "einheit", "einheiten", "uom"];
+    let unit = field.trim_matches(['[', ']', '(', ')', ' ', ':']);
+    match NAMES.contains(&unit.to_lowercase().as_str()) {
+        true => "",
+        false => unit,
+    }
 }
 
 /// Whether most fields of a row are units.
@@ -177,6 +182,7 @@ impl Shape {
         };
         // What stands below the titles and is no row of units is a row of the table, right or wrong.
         let end = units.map_or(header, |units| units.max(header)) + 1;
+        let end = (end..first).find(|k| !top.is_comment(*k)).unwrap_or(first);
         let below = top.rows.get(end..)?;
         let titles = &top.rows[header];
         Some(Shape {
@@ -223,7 +229,7 @@ impl Shape {
         let time = self
             .time
             .as_ref()
-            .map(|time| record[time.named_by()].to_vec());
+            .map(|time| record.get(time.named_by()).unwrap_or_default().to_vec());
         let mut titles = ByteRecord::new();
         for (k, field) in record.iter().enumerate() {
             let Ok(title) = std::str::from_utf8(field) else {
@@ -332,15 +338,19 @@ impl Shape {
     }
 }
 
-/// Whether the first column counts the rows, and the second is called a time.
+/// Whether the first column counts the rows, and the second is a time by its title or by what stands in it.
 fn numbers_rows(titles: &[String], below: &[Vec<String>]) -> bool {
     let is_numbering = |title: &String| NUMBERING.contains(&title.to_lowercase().as_str());
     let numbers = below.iter().filter(|row| !row.is_empty());
     let numbers: Option<Vec<f64>> = numbers.map(|row| value::number(&row[0], None)).collect();
+    let mut second = below.iter().filter_map(|row| row.get(1));
+    let are_stamps = second.all(|field| stamp::is_one(field));
     let count = |numbers: Vec<f64>| {
         numbers.len() > 1 && numbers.windows(2).all(|pair| pair[1] - pair[0] == 1.0)
     };
     titles.first().is_some_and(is_numbering)
-        && titles.get(1).is_some_and(|title| is_called_time(title))
+        && titles
+            .get(1)
+            .is_some_and(|title| is_called_time(title) || are_stamps)
         && numbers.is_some_and(count)
 }

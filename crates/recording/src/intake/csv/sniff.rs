@@ -179,7 +179,7 @@ fn described(rows: &[Vec<String>]) -> Option<Format> {
     let mut second = rows.get(1).into_iter().flatten();
     let is_description = |field: &String| {
         let mut keys = ["Unit:", "Interp:", "Type:"].iter();
-        keys.any(|key| field.starts_with(key))
+        keys.any(|key| field.starts_with(key) && field.len() > key.len())
     };
     let is_simulink = times.count() > 1 || second.any(is_description);
     is_simulink.then_some(Format::SimulinkCsv)

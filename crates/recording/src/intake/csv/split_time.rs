@@ -31,7 +31,8 @@ impl SplitTime {
         };
         let is_pair =
             |date: usize, clock: usize| all(date, &stamp::is_date) && all(clock, &stamp::is_clock);
-        let pairs = (1..titles.len()).flat_map(|k| [(k - 1, k), (k, k - 1)]);
+        // A time stands at the beginning, or behind a number of the row.
+        let pairs = (1..titles.len().min(3)).flat_map(|k| [(k - 1, k), (k, k - 1)]);
         let pair = pairs
             .into_iter()
             .find(|(date, clock)| is_pair(*date, *clock));

@@ -69,8 +69,8 @@ impl<'o> CsvTable<'o> {
         }
     }
 
-    /// Learns from the times of the first rows how they are written and how they follow each other. Rows that are
-    /// repeated are no rows of a time that is told too coarsely.
+    /// Learns from the times of the first rows how they are written and how they follow each other. Rows that
+    /// stand there twice are no rows of a time that is told too coarsely.
     pub(super) fn look_ahead(&mut self, times: &[String], are_repeated: bool) {
         self.clock.look_ahead(times.iter().map(String::as_str));
         let mut clock = self.clock.clone();
@@ -80,9 +80,12 @@ impl<'o> CsvTable<'o> {
             last
         });
         self.order = TimeOrder::of(&instants.collect::<Vec<f64>>());
-        if are_repeated || self.options.purpose == ReadingPurpose::Stream {
-            self.order.coarse = None;
-        }
+        let is_stream = self.options.purpose == ReadingPurpose::Stream;
+        let is_twice = |coarse: &CoarseTimes| are_repeated && coarse.rows == 2;
+        self.order.coarse = self
+            .order
+            .coarse
+            .filter(|coarse| !is_stream && !is_twice(coarse));
     }
 
     /// Whether so much is wrong that no more rows need to be read.
@@ -327,8 +330,8 @@ impl<'o> CsvTable<'o> {
             && self.duplicates > samples
         {
             let detail = format!(
-                "{} of {} rows have the time of the row before, and not as many at each time: write times with \
-                 more digits, or say another column with `time`",
+                "{} of {} rows have the time of the row before, and nothing says when each was taken: write times \
+                 with more digits, or say another column with `time`",
                 self.duplicates,
                 self.duplicates + samples
             );
