@@ -26,6 +26,7 @@ pub mod json;
 mod lines;
 mod memory;
 mod options;
+mod order;
 mod quality;
 mod stamp;
 mod tags;

@@ -206,6 +206,20 @@ fn a_sheet_may_have_lines_above_its_titles_and_end_its_rows_early() {
     assert!(recording.signal("b").unwrap().values[1].is_nan());
 }
 
+#[test]
+fn dates_and_times_of_a_sheet_are_one_time() {
+    let text = "Date,Time,a\n2026-03-02T00:00:00.000,29700,1\n2026-03-02T00:00:00.000,29700.25,2\n\
+                2026-03-02T00:00:00.000,29700.5,3\n";
+    let mut options = Options::default();
+    options.set("tz", "UTC").unwrap();
+    let recording = intake::read(text.as_bytes(), MediaKind::Csv, &options).unwrap();
+    assert_eq!(
+        recording.start,
+        Some("2026-03-02T08:15:00Z".parse().unwrap())
+    );
+    assert_eq!(recording.time.sample_time(), 0.25);
+}
+
 fn read(text: &str, kind: MediaKind) -> Recording {
     intake::read(text.as_bytes(), kind, &Options::default())
         .unwrap_or_else(|error| panic!("{error}:\n{text}"))

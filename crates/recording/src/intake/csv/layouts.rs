@@ -251,6 +251,26 @@ fn rows_that_share_a_second_are_spread_over_it_and_it_is_told() {
     let lost = parse(&text(&[10, 10, 9, 10, 10, 11, 10, 10]));
     assert_eq!(lost.time.samples(), 80);
     assert_eq!(lost.time.instant(79), 7.9);
+    let tagged = text(&[10, 10, 10])
+        .replace(",", ",PT,")
+        .replace(",PT,PT [bar],PT,TT [degC]", ",tag,value");
+    let cut = |line: &str| {
+        line.rsplit_once(",PT,")
+            .map_or(line, |(line, _)| line)
+            .to_owned()
+            + "\n"
+    };
+    let tagged = parse(&tagged.lines().map(cut).collect::<String>());
+    assert!(tells(&tagged, "spread_rows") && tagged.source.format == "long_csv");
+    assert_eq!(
+        (tagged.time.samples(), tagged.time.sample_time()),
+        (30, 0.1)
+    );
+    let finer = text(&[10, 10, 10, 10, 10]).replace("08:15:04,4.0,0", "08:15:03.5,4.0,0");
+    assert_eq!(
+        read(&finer, &[("tz", "UTC")]).unwrap_err().faults()[0].code,
+        "repeated_time"
+    );
     let stuck = read(&text(&[10, 10, 10, 25, 10, 10, 10]), &[("tz", "UTC")]).unwrap_err();
     assert_eq!(
         (stuck.faults()[0].code, stuck.faults()[0].line),

@@ -12,7 +12,6 @@
 mod header;
 mod influx;
 mod long;
-mod order;
 mod paired;
 mod rows;
 mod shape;

@@ -1,6 +1,7 @@
 //! A time in several columns: a date and a time of day, and milliseconds beside a time to the second.
 
 use super::super::stamp;
+use super::paired::is_called_time;
 use ::csv::ByteRecord;
 
 /// Titles of columns of milliseconds, in small letters.
@@ -13,6 +14,9 @@ const MILLISECONDS: [&str; 7] = [
     "milliseconds",
     "millisekunden",
 ];
+
+/// What a sheet has behind a date without a time.
+const MIDNIGHT: &str = "T00:00:00.000";
 
 /// The columns that together are the time.
 pub(super) struct SplitTime {
@@ -29,8 +33,12 @@ impl SplitTime {
             let mut fields = fields.filter(|field| !field.is_empty()).peekable();
             fields.peek().is_some() && fields.all(|field| is(field))
         };
-        let is_pair =
-            |date: usize, clock: usize| all(date, &stamp::is_date) && all(clock, &stamp::is_clock);
+        let is_pair = |date: usize, clock: usize| {
+            let of_sheet = || {
+                is_called_time(&titles[clock]) && all(date, &is_midnight) && all(clock, &is_of_day)
+            };
+            all(date, &stamp::is_date) && all(clock, &stamp::is_clock) || of_sheet()
+        };
         // A time stands at the beginning, or behind a number of the row.
         let pairs = (1..titles.len().min(3)).flat_map(|k| [(k - 1, k), (k, k - 1)]);
         let pair = pairs
@@ -79,7 +87,18 @@ impl SplitTime {
                 .trim()
                 .to_owned()
         };
-        let mut text = format!("{} {}", field(self.date), field(Some(self.clock)));
+        let date = field(self.date);
+        let mut clock = field(Some(self.clock));
+        if let Some(seconds) = seconds_of_day(&clock).filter(|_| is_midnight(&date)) {
+            let (minutes, second) = ((seconds / 60.0).floor(), seconds % 60.0);
+            clock = format!(
+                "{}:{}:{second:09.6}",
+                (minutes / 60.0).floor(),
+                minutes % 60.0
+            );
+        }
+        let date = date.strip_suffix(MIDNIGHT).unwrap_or(&date);
+        let mut text = format!("{date} {clock}");
         let milliseconds = field(self.milliseconds);
         if is_below_a_second(&milliseconds) {
             text = format!("{text}.{milliseconds:0>3}");
@@ -88,6 +107,20 @@ impl SplitTime {
         }
         text.trim().as_bytes().to_vec()
     }
+}
+
+fn is_midnight(text: &str) -> bool {
+    text.ends_with(MIDNIGHT)
+}
+
+fn is_of_day(text: &str) -> bool {
+    seconds_of_day(text).is_some()
+}
+
+/// The seconds since midnight, as which a sheet has a time of day.
+fn seconds_of_day(text: &str) -> Option<f64> {
+    let seconds: f64 = text.parse().ok()?;
+    (0.0..86_400.0).contains(&seconds).then_some(seconds)
 }
 
 /// Whether a text is a whole number of milliseconds within a second.

@@ -6,12 +6,11 @@ use super::super::clock::Clock;
 use super::super::column::SignalColumn;
 use super::super::error::{ReadError, ReadingFault, ReadingFaults};
 use super::super::options::{Options, ReadingPurpose};
-use super::super::tags::check_options;
+use super::super::order::{CoarseTimes, MOST_TIMES_USUAL, TimeOrder};
 use super::header::Header;
-use super::order::{CoarseTimes, MOST_TIMES_USUAL, TimeOrder};
 use super::rows::{is_empty, line_of, not_utf8};
 use crate::columns::{SampleColumns, SampleSeries, Since};
-use crate::{NewScratch, ReceivedRecording, Recording, TimeAxis, Warning, shown};
+use crate::{NewScratch, ReceivedRecording, Recording, TimeAxis, Warning};
 use ::csv::ByteRecord;
 use std::io;
 
@@ -166,7 +165,14 @@ impl<'o> CsvTable<'o> {
             return true;
         };
         let follows = self.order.follows(instant, last);
-        if instant == last {
+        let has_room = |coarse: CoarseTimes| coarse.has_room(last, instant);
+        if follows && !self.order.coarse.is_none_or(has_room) {
+            let detail = "several rows have each time, and this time comes too soon for those before it; write \
+                          times with more digits";
+            let column = Some(self.names[self.time].as_str());
+            let fault = ReadingFault::at_line("repeated_time", line, column, detail);
+            self.faults.invalid(fault);
+        } else if instant == last {
             self.duplicates += usize::from(self.order.coarse.is_none());
         } else if !follows && !self.ran_backwards {
             self.ran_backwards = true;
@@ -286,13 +292,7 @@ impl<'o> CsvTable<'o> {
         if self.duplicates > 0 {
             notes.push(self.options.purpose.duplicate_time(self.duplicates));
         }
-        if let Some(CoarseTimes { step, rows }) = self.order.coarse {
-            let detail = format!(
-                "times are told to {} s only, and about {rows} rows have each: they were spread evenly up to the next time",
-                shown(step)
-            );
-            notes.push(Warning::of_recording("spread_rows", detail));
-        }
+        notes.extend(self.order.coarse.map(CoarseTimes::note));
         if self.order.is_newest_first {
             let detail =
                 "the newest row came first; the rows were put in the order of time".to_owned();
@@ -314,7 +314,7 @@ impl<'o> CsvTable<'o> {
             .enumerate()
             .filter(|(k, _)| *k != self.time);
         let names: Vec<&str> = signals.map(|(_, name)| name.as_str()).collect();
-        check_options(self.options, &names, &mut self.faults);
+        self.options.check_names(&names, &mut self.faults);
         let signals = self.columns.iter_mut().enumerate();
         let mut n_signals = 0;
         for (_, column) in signals.filter(|(k, _)| *k != self.time) {

@@ -1,10 +1,15 @@
-//! How the times of rows follow each other: newest first, or several rows at a time that is told too coarsely.
+//! How times follow each other: newest first, or several samples at a time that is told too coarsely.
+
+use crate::{Warning, shown};
 
 /// Steps of times that are told too coarsely `[s]`: to the minute, the second, and fractions of it.
 const STEPS: [f64; 5] = [60.0, 1.0, 0.1, 0.01, 0.001];
 
 /// How much a step may differ by rounding.
 const ROUNDING: f64 = 1e-6;
+
+/// Times that are looked at to see their order.
+const LOOKED_AT: usize = 10_000;
 
 /// The rows of one time are at most so many times as many as usual.
 pub(super) const MOST_TIMES_USUAL: usize = 2;
@@ -28,6 +33,7 @@ pub(super) struct CoarseTimes {
 impl TimeOrder {
     /// The order of the times of the first rows `[s]`.
     pub(super) fn of(instants: &[f64]) -> TimeOrder {
+        let instants = &instants[..instants.len().min(LOOKED_AT)];
         let groups: Vec<(f64, usize)> = instants
             .chunk_by(|a, b| a == b)
             .map(|group| (group[0], group.len()))
@@ -80,6 +86,21 @@ impl CoarseTimes {
         let are_even = are_most(counts.iter().filter(is_usual).count(), counts.len())
             && are_most(steps.iter().filter(is_one_step).count(), steps.len());
         (rows > 1 && are_even).then_some(CoarseTimes { step, rows })
+    }
+
+    /// Whether there is room for the rows of a time up to another one.
+    pub(super) fn has_room(self, from: f64, to: f64) -> bool {
+        (to - from).abs() > self.step * (1.0 - ROUNDING)
+    }
+
+    /// Says that the rows of a time were spread.
+    pub(super) fn note(self) -> Warning {
+        let detail = format!(
+            "times are told to {} s only, and about {} rows have each: they were spread evenly up to the next time",
+            shown(self.step),
+            self.rows
+        );
+        Warning::of_recording("spread_rows", detail)
     }
 
     /// How far behind its time a row lies `[s]`, the k-th of so many of that time. The rows of a time that began
