@@ -1,6 +1,6 @@
 //! Reading recordings: a file for each format that plants write.
 //!
-//! A source is text (`encoding`) in one of several formats ([`format`]), told by its media type and
+//! A source, which gzip may have packed (`gzip`), is text (`encoding`) in one of several formats ([`format`]), told by its media type and
 //! its first lines or named by an option (`options`). Cells (`cell`) become times (`clock`),
 //! SI values ([`column`], [`units`]) and classes of quality (`quality`).
 //!
