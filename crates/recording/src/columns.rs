@@ -54,6 +54,8 @@ pub(crate) struct SampleColumns {
     /// Blocks in the scratch: each holds the rows of the first column, then of the next.
     blocks: u64,
     scratch_state: ScratchState,
+    /// Whether the rows came in the opposite of their order.
+    is_reversed: bool,
 }
 
 /// Where rows go that memory is not to hold.
@@ -74,6 +76,7 @@ impl SampleColumns {
             block_rows: (HELD_BYTES / SAMPLE_BYTES / columns.max(1)).max(1),
             blocks: 0,
             scratch_state: scratch.map_or(ScratchState::Memory, ScratchState::New),
+            is_reversed: false,
         }
     }
 
@@ -101,6 +104,11 @@ impl SampleColumns {
         Ok(())
     }
 
+    /// Turns the order of the rows round.
+    pub(crate) fn reverse(&mut self) {
+        self.is_reversed = !self.is_reversed;
+    }
+
     /// How many rows there are.
     pub(crate) fn rows(&self) -> usize {
         self.blocks as usize * self.block_rows + self.held_rows()
@@ -122,6 +130,9 @@ impl SampleColumns {
         if self.blocks == 0 {
             let mut samples = std::mem::take(&mut self.held[index]);
             samples.shrink_to_fit();
+            if self.is_reversed {
+                samples.reverse();
+            }
             return Ok(samples);
         }
         self.column(index).collect()
@@ -168,29 +179,75 @@ pub(crate) struct SampleColumn<'a> {
     index: usize,
 }
 
-impl SampleSeries for SampleColumn<'_> {
-    fn visit(&mut self, take: &mut dyn FnMut(&[f64]) -> io::Result<()>) -> io::Result<()> {
+impl SampleColumn<'_> {
+    /// Hands over the samples that are in the scratch.
+    fn visit_scratch(&mut self, take: &mut dyn FnMut(&[f64]) -> io::Result<()>) -> io::Result<()> {
         let SampleColumns {
             held,
             block_rows,
             blocks,
             scratch_state,
+            is_reversed,
         } = &mut *self.columns;
-        if *blocks > 0 {
-            let scratch = scratch_state.open()?;
-            let mut bytes = vec![0; *block_rows * SAMPLE_BYTES];
-            let mut samples = Vec::with_capacity(*block_rows);
-            for block in 0..*blocks {
-                let before = block * held.len() as u64 + self.index as u64;
-                scratch.seek(SeekFrom::Start(before * bytes.len() as u64))?;
-                scratch.read_exact(&mut bytes)?;
-                samples.clear();
-                let (numbers, _) = bytes.as_chunks();
-                samples.extend(numbers.iter().map(|number| f64::from_le_bytes(*number)));
-                take(&samples)?;
+        let scratch = scratch_state.open()?;
+        let mut bytes = vec![0; *block_rows * SAMPLE_BYTES];
+        let mut samples = Vec::with_capacity(*block_rows);
+        for k in 0..*blocks {
+            let block = if *is_reversed { *blocks - 1 - k } else { k };
+            let before = block * held.len() as u64 + self.index as u64;
+            scratch.seek(SeekFrom::Start(before * bytes.len() as u64))?;
+            scratch.read_exact(&mut bytes)?;
+            samples.clear();
+            let (numbers, _) = bytes.as_chunks();
+            samples.extend(numbers.iter().map(|number| f64::from_le_bytes(*number)));
+            if *is_reversed {
+                samples.reverse();
             }
+            take(&samples)?;
         }
-        take(&held[self.index])
+        Ok(())
+    }
+}
+
+impl SampleSeries for SampleColumn<'_> {
+    fn visit(&mut self, take: &mut dyn FnMut(&[f64]) -> io::Result<()>) -> io::Result<()> {
+        if self.columns.is_reversed {
+            let held = self.columns.held[self.index].iter();
+            take(&held.rev().copied().collect::<Vec<f64>>())?;
+        }
+        if self.columns.blocks > 0 {
+            self.visit_scratch(take)?;
+        }
+        match self.columns.is_reversed {
+            true => Ok(()),
+            false => take(&self.columns.held[self.index]),
+        }
+    }
+}
+
+/// Instants, in seconds from the first of them.
+pub(crate) struct Since<S> {
+    pub(crate) instants: S,
+    pub(crate) first: f64,
+    /// Whether the instants are whole nanoseconds.
+    pub(crate) is_exact: bool,
+}
+
+impl<S: SampleSeries> SampleSeries for Since<S> {
+    fn visit(&mut self, take: &mut dyn FnMut(&[f64]) -> io::Result<()>) -> io::Result<()> {
+        let Self {
+            instants,
+            first,
+            is_exact,
+        } = self;
+        if *first == 0.0 {
+            return instants.visit(take);
+        }
+        let since = |instant: &f64| match *is_exact {
+            true => ((*instant - *first) * 1e9).round() / 1e9,
+            false => *instant - *first,
+        };
+        instants.visit(&mut |piece| take(&piece.iter().map(since).collect::<Vec<f64>>()))
     }
 }
 
@@ -227,6 +284,10 @@ mod tests {
                 let bits = back.iter().map(|sample| sample.to_bits());
                 prop_assert!(bits.eq(rows.iter().map(|row| row[index].to_bits())));
             }
+            columns.reverse();
+            let back = columns.take(1).unwrap();
+            let bits = back.iter().map(|sample| sample.to_bits());
+            prop_assert!(bits.eq(rows.iter().rev().map(|row| row[1].to_bits())));
         }
     }
 

@@ -4,6 +4,7 @@
 //! The unit of numbers is that of the option, else that of the header, else what the size of
 //! the numbers leaves no doubt about; else it is asked for.
 
+mod local;
 mod names;
 mod spelling;
 
@@ -29,7 +30,7 @@ const NANOSECONDS: f64 = 1e9;
 pub(super) type ClockFault = (&'static str, String);
 
 /// Reads the times of one source.
-#[derive(Debug)]
+#[derive(Clone, Debug)]
 pub(super) struct Clock {
     /// The name that the source has for the time.
     name: String,
@@ -44,6 +45,8 @@ pub(super) struct Clock {
     /// The hour that came twice, as long as no order of times told its two passes apart.
     double_hour: Option<DoubleHour>,
     is_told_by_order: bool,
+    /// Whether the times are hours, minutes and seconds without a date.
+    is_span: bool,
     /// Whether a time is no multiple of [`TICK`].
     is_fine: bool,
     /// The longest time from the first to another one `[s]`.
@@ -52,7 +55,7 @@ pub(super) struct Clock {
     offset: Option<String>,
 }
 
-#[derive(Debug)]
+#[derive(Clone, Debug)]
 struct ClockOptions {
     zone: Option<(String, TimeZone)>,
     unit: Option<TimeUnit>,
@@ -72,6 +75,17 @@ enum TimeKind {
     Absolute { spelling: Spelling, first: i64 },
 }
 
+impl TimeKind {
+    /// Numbers of so many seconds that begin with this one.
+    fn since(first: f64, factor: f64) -> Self {
+        Self::Relative {
+            factor,
+            first,
+            largest: first.abs(),
+        }
+    }
+}
+
 impl Clock {
     pub(super) fn new(name: &str, recorded_unit: &str, options: &Options) -> Self {
         Self {
@@ -87,6 +101,7 @@ impl Clock {
             folds: 0,
             double_hour: None,
             is_told_by_order: false,
+            is_span: false,
             is_fine: false,
             farthest: 0.0,
             guessed_unit: None,
@@ -207,6 +222,13 @@ impl Clock {
             );
             notes.push(Warning::of_recording("rounded_stamps", detail));
         }
+        if self.is_span && !self.name.is_empty() {
+            let detail = format!(
+                "`{}` has times without a date: nothing says when the recording began",
+                self.name
+            );
+            notes.push(Warning::of_recording("times_without_date", detail));
+        }
         if self.folds > 0 {
             let detail = format!(
                 "{} local times came twice because clocks were set back; they were told apart by \
@@ -222,6 +244,7 @@ impl Clock {
         let number = match cell {
             Cell::Integer(number) => Some(*number as f64),
             Cell::Number(number) => Some(*number),
+            Cell::Text(text) if self.is_span => stamp::span(text),
             Cell::Text(text) => number(text.trim(), self.options.decimal),
             _ => None,
         };
@@ -233,6 +256,11 @@ impl Clock {
     /// What the first time tells about all of them.
     fn first(&mut self, cell: &Cell<'_>) -> Result<TimeKind, ClockFault> {
         let spelling = match cell {
+            Cell::Text(text) if let Some(first) = stamp::span(text) => {
+                self.refuse_unit_of_stamps(text)?;
+                self.is_span = true;
+                return Ok(TimeKind::since(first, 1.0));
+            }
             Cell::Text(text) if stamp::looks_like_one(text) => {
                 self.refuse_unit_of_stamps(text)?;
                 let day_first = match self.options.unit {
@@ -244,12 +272,7 @@ impl Clock {
             _ => match self.numbers(self.number(cell)?)? {
                 TimeNumbers::Instants(spelling) => spelling,
                 TimeNumbers::Seconds(factor) => {
-                    let first = self.number(cell)?;
-                    return Ok(TimeKind::Relative {
-                        factor,
-                        first,
-                        largest: first.abs(),
-                    });
+                    return Ok(TimeKind::since(self.number(cell)?, factor));
                 }
             },
         };
@@ -262,7 +285,8 @@ impl Clock {
         if matches!(
             named.as_str(),
             "" | "rfc3339" | "iso8601" | "utc" | "datetime"
-        ) {
+        ) || stamp::is_pattern(&self.recorded_unit)
+        {
             return Ok(());
         }
         let unit = &self.recorded_unit;
@@ -416,48 +440,7 @@ impl Clock {
                 unix_nanoseconds(instant).ok_or_else(|| not_a_time(cell))
             }
             Stamp::Local(local) => self.local(local, cell, before),
-        }
-    }
-
-    fn local(
-        &mut self,
-        local: jiff::civil::DateTime,
-        cell: &Cell<'_>,
-        before: Option<i64>,
-    ) -> Result<i64, ClockFault> {
-        let Some((name, zone)) = &self.options.zone else {
-            let detail = format!(
-                "timestamp `{}` has no time zone offset; write it as 2026-03-02T08:15:00Z or say \
-                 the zone with `tz`, such as Europe/Berlin",
-                cell
-            );
-            return Err(("no_offset", detail));
-        };
-        let ambiguous = zone.to_ambiguous_timestamp(local);
-        let resolve = |resolved: Result<Timestamp, jiff::Error>| {
-            let instant = resolved.ok();
-            instant
-                .and_then(unix_nanoseconds)
-                .ok_or_else(|| not_a_time(cell))
-        };
-        match ambiguous.offset() {
-            jiff::tz::AmbiguousOffset::Gap { .. } => {
-                let detail = format!("there was no {local} in {name}: clocks were set forward");
-                Err(("no_such_local_time", detail))
-            }
-            jiff::tz::AmbiguousOffset::Fold { .. } => {
-                self.folds += 1;
-                let first_pass = resolve(ambiguous.earlier())?;
-                let second_pass = resolve(ambiguous.later())?;
-                if before.is_some_and(|before| first_pass <= before) {
-                    self.is_told_by_order = true;
-                    return Ok(second_pass);
-                }
-                let hour = || DoubleHour::in_zone(zone, first_pass, second_pass);
-                self.double_hour = self.double_hour.or_else(hour);
-                Ok(first_pass)
-            }
-            jiff::tz::AmbiguousOffset::Unambiguous { .. } => resolve(ambiguous.compatible()),
+            Stamp::Lettered(local, letters) => self.lettered(local, &letters),
         }
     }
 }

@@ -2,9 +2,9 @@
 
 use super::cell::Cell;
 use super::error::{ReadingFault, ReadingFaults, excerpt};
-use super::options::{Options, ReadingPurpose};
+use super::options::{Decimal, Options, ReadingPurpose};
 use super::units::{self, RecordedUnit};
-use super::value::CellValue;
+use super::value::{self, CellValue};
 use crate::{ClassSpan, Interpolation, NamedSignal, Warning, shown};
 
 /// What loggers write where they have no value. A value is told as a likely one when it is far
@@ -45,6 +45,8 @@ pub(super) struct SignalColumn {
     pub(super) interpolation: Option<Interpolation>,
     /// The unit stood at the end of the name.
     unit_from_name: bool,
+    /// The unit stood in the cells.
+    unit_from_cells: bool,
     ignored: bool,
     numbers: usize,
     bools: usize,
@@ -52,6 +54,8 @@ pub(super) struct SignalColumn {
     declared_missing: usize,
     /// Texts that are no numbers: all of a column of text, faults in one of numbers.
     texts: usize,
+    /// Whether some of the texts are numbers where their comma or point is another one.
+    has_commas: bool,
     faults: ReadingFaults,
     sentinels: Vec<(f64, usize)>,
     purpose: ReadingPurpose,
@@ -119,12 +123,14 @@ impl SignalColumn {
                 .interpolation_of(name)
                 .or_else(|| options.interpolation_of(options.rename.get(name)?)),
             unit_from_name: false,
+            unit_from_cells: false,
             ignored: options.ignore.iter().any(|ignored| ignored == name),
             numbers: 0,
             bools: 0,
             words: Words::default(),
             declared_missing: 0,
             texts: 0,
+            has_commas: false,
             faults: ReadingFaults::default(),
             sentinels: Vec::new(),
             purpose: options.purpose,
@@ -160,6 +166,11 @@ impl SignalColumn {
         place: impl FnOnce(&'static str, String) -> ReadingFault,
     ) -> f64 {
         match CellValue::of(cell, options) {
+            CellValue::Number(number) if self.unit_from_cells && !self.ignored => {
+                let detail = format!("`{number}` has no unit where the samples before have one");
+                self.faults.invalid(place("units_differ", detail));
+                f64::NAN
+            }
             CellValue::Number(number) => self.number(number, place),
             CellValue::Empty => f64::NAN,
             CellValue::Bool(value) => {
@@ -174,15 +185,43 @@ impl SignalColumn {
                 self.declared_missing += 1;
                 f64::NAN
             }
-            CellValue::Text => {
-                self.texts += 1;
-                if !self.ignored {
-                    self.faults
-                        .invalid(place("not_a_number", not_a_number(cell)));
+            CellValue::Text => match self.measured(cell, options) {
+                Some(Ok(number)) => self.number(number, place),
+                Some(Err(detail)) => {
+                    self.faults.invalid(place("units_differ", detail));
+                    f64::NAN
                 }
-                f64::NAN
-            }
+                None => {
+                    self.texts += 1;
+                    self.has_commas |= has_comma(cell);
+                    if !self.ignored {
+                        self.faults
+                            .invalid(place("not_a_number", not_a_number(cell)));
+                    }
+                    f64::NAN
+                }
+            },
         }
+    }
+
+    /// The number in a cell that has its unit too; a sentence where the samples before have another one.
+    fn measured(&mut self, cell: &Cell<'_>, options: &Options) -> Option<Result<f64, String>> {
+        let Cell::Text(text) = cell else {
+            return None;
+        };
+        let (number, unit) = value::with_unit(text.trim())?;
+        let number = value::number(number, options.decimal)?;
+        if self.recorded_unit.is_empty() && self.numbers == 0 {
+            self.set_unit(unit).ok()?;
+            self.unit_from_cells = true;
+        }
+        let is_same = units::parse(unit).as_ref() == Some(&self.unit);
+        let before = match self.recorded_unit.as_str() {
+            "" => "without a unit",
+            unit => &format!("in `{unit}`"),
+        };
+        let detail = || format!("`{unit}` where the samples before are {before}; write one unit");
+        Some(is_same.then_some(number).ok_or_else(detail))
     }
 
     fn number(
@@ -213,7 +252,7 @@ impl SignalColumn {
 
     /// Whether there is anything but text in it.
     pub(super) fn is_signal(&self) -> bool {
-        !self.ignored && (self.texts == 0 || self.numbers > 0)
+        !self.ignored && (self.texts == 0 || self.numbers > 0 || self.has_commas)
     }
 
     /// The signal of these samples, which the `column` of a received recording holds.
@@ -254,6 +293,10 @@ impl SignalColumn {
             let unit = &self.recorded_unit;
             let detail = format!("taken to be in {unit}, from its name; `units` says otherwise");
             notes.push(note("unit_from_name", detail));
+        }
+        if self.unit_from_cells {
+            let detail = format!("its cells have a unit, {}", self.recorded_unit);
+            notes.push(note("unit_from_cells", detail));
         }
         if !self.unit.remark.is_empty() {
             notes.push(note("unit_remark", self.unit.remark.to_owned()));
@@ -308,6 +351,15 @@ impl SignalColumn {
     }
 }
 
+/// Whether a text is a number by some separator of its fraction.
+fn has_comma(cell: &Cell<'_>) -> bool {
+    let Cell::Text(text) = cell else {
+        return false;
+    };
+    let is_number = |decimal| value::number(text.trim(), Some(decimal)).is_some();
+    is_number(Decimal::Comma) || is_number(Decimal::Point)
+}
+
 fn not_a_number(cell: &Cell<'_>) -> String {
     let Cell::Text(text) = cell else {
         let kind = match cell {
@@ -317,7 +369,9 @@ fn not_a_number(cell: &Cell<'_>) -> String {
         return format!("expected a number, found {kind}");
     };
     let advice = match text.contains(',') {
-        true => "; write a decimal point, not a comma, or say decimal=,",
+        true => {
+            "; its comma may stand before a fraction or between thousands: say decimal=, or decimal=."
+        }
         false => "",
     };
     format!("`{}` is not a number{advice}", excerpt(text.trim()))

@@ -21,6 +21,8 @@ pub enum Format {
     InfluxCsv,
     /// InfluxDB's line protocol.
     InfluxLines,
+    /// What a query of InfluxDB 1 answers.
+    InfluxJson,
     /// PI Web API: recorded values of a stream or of a set of streams.
     PiWebApi,
     /// OSIsoft Message Format, 1.2 and 2.0.
@@ -33,7 +35,7 @@ pub enum Format {
     OpcUaJson,
     /// Datapoints of Cognite Data Fusion.
     Cognite,
-    /// `pandas.to_json(orient="records")`.
+    /// `pandas.to_json(orient="records")`, with `lines=True` or without: an object for each row, or for each sample.
     PandasRecords,
     /// `pandas.to_json(orient="split")`.
     PandasSplit,
@@ -47,7 +49,7 @@ pub enum Format {
     Excel,
 }
 
-const NAMES: [(&str, Format); 22] = [
+const NAMES: [(&str, Format); 23] = [
     ("json", Format::Json),
     ("wide_csv", Format::WideCsv),
     ("senseye", Format::WideCsv),
@@ -58,6 +60,7 @@ const NAMES: [(&str, Format); 22] = [
     ("simulink_csv", Format::SimulinkCsv),
     ("influx_csv", Format::InfluxCsv),
     ("influx_line_protocol", Format::InfluxLines),
+    ("influx_json", Format::InfluxJson),
     ("pi_web_api", Format::PiWebApi),
     ("omf", Format::Omf),
     ("aveva_odata", Format::AvevaOdata),
@@ -91,9 +94,11 @@ impl MediaKind {
     pub fn of_media_type(media_type: &str) -> Option<Self> {
         match media_type {
             "text/csv" | "application/csv" | "text/tab-separated-values" => Some(Self::Csv),
-            "application/json" => Some(Self::Json),
+            "application/json" | "application/jsonl" | "application/x-ndjson" => Some(Self::Json),
             "text/plain" => Some(Self::Text),
             "application/octet-stream"
+            | "application/gzip"
+            | "application/x-gzip"
             | "application/vnd.apache.parquet"
             | "application/vnd.apache.arrow.file"
             | "application/vnd.apache.arrow.stream"
@@ -185,7 +190,8 @@ impl Format {
             Self::WideCsv => &["quality_scheme", "grid"],
             Self::SimulinkCsv | Self::InfluxCsv | Self::InfluxLines => &["time", "quality_scheme"],
             Self::PiWebApi | Self::Omf => &["time", "quality_scheme"],
-            Self::PandasRecords | Self::PandasSplit | Self::PandasTable => &["quality_scheme"],
+            Self::PandasRecords => &[],
+            Self::PandasSplit | Self::PandasTable | Self::InfluxJson => &["quality_scheme"],
             _ => &["time"],
         }
     }
@@ -194,7 +200,8 @@ impl Format {
     pub(super) fn is_json(self) -> bool {
         matches!(
             self,
-            Self::PiWebApi
+            Self::InfluxJson
+                | Self::PiWebApi
                 | Self::Omf
                 | Self::AvevaOdata
                 | Self::Canary

@@ -54,6 +54,11 @@ impl Memory {
         (memory, counted)
     }
 
+    /// The bytes of the body that were read by now.
+    pub(super) fn read(&self) -> u64 {
+        self.read.get()
+    }
+
     /// The bytes that may be held by now, beside those that are taken.
     pub(super) fn left(&self) -> u64 {
         let all = MEMORY_ALWAYS - RESERVED + MEMORY_PER_BYTE.saturating_mul(self.read.get());

@@ -1,6 +1,6 @@
 //! Reading recordings: a file for each format that plants write.
 //!
-//! A source is text (`encoding`) in one of several formats ([`format`]), told by its media type and
+//! A source, which gzip may have packed (`gzip`), is text (`encoding`) in one of several formats ([`format`]), told by its media type and
 //! its first lines or named by an option (`options`). Cells (`cell`) become times (`clock`),
 //! SI values ([`column`], [`units`]) and classes of quality (`quality`).
 //!
@@ -20,11 +20,13 @@ mod encoding;
 mod epochs;
 mod error;
 mod format;
+mod gzip;
 mod historian;
 pub mod json;
 mod lines;
 mod memory;
 mod options;
+mod order;
 mod quality;
 mod stamp;
 mod tags;
@@ -40,8 +42,9 @@ pub use tags::MAX_HELD_SAMPLES;
 
 use crate::{NewScratch, ReceivedRecording, Recording};
 use encoding::DecodedText;
-use error::malformed;
+use error::{malformed, told};
 use format::HEAD_BYTES;
+use gzip::Unpacked;
 use memory::Memory;
 use std::io::{BufRead, BufReader, Cursor, Read};
 
@@ -68,6 +71,25 @@ pub fn receive(
 ) -> Result<ReceivedRecording, ReadError> {
     let (memory, source) = Memory::counting(source);
     let mut source = BufReader::with_capacity(HEAD_BYTES as usize, source);
+    if !source.fill_buf()?.starts_with(gzip::MAGIC) {
+        return receive_plain(source, kind, options, scratch, &memory);
+    }
+    let kind = match kind {
+        MediaKind::Binary => MediaKind::Text,
+        kind => kind,
+    };
+    let unpacked = BufReader::with_capacity(HEAD_BYTES as usize, Unpacked::of(source, &memory));
+    receive_plain(unpacked, kind, options, scratch, &memory).map_err(told)
+}
+
+/// Receives a recording that is not packed.
+fn receive_plain(
+    mut source: impl BufRead,
+    kind: MediaKind,
+    options: &Options,
+    scratch: Option<NewScratch>,
+    memory: &Memory,
+) -> Result<ReceivedRecording, ReadError> {
     let format = options.format.or(Format::of_magic(source.fill_buf()?));
     if let Some(instead) = format.and_then(Format::instead) {
         return Err(ReadError::Unsupported(instead.to_owned()));
@@ -77,7 +99,7 @@ pub fn receive(
     }
     #[cfg(any(feature = "excel", feature = "parquet"))]
     if let Some(format @ (Format::Excel | Format::Parquet)) = format {
-        return binary::receive(format, source, options, scratch, &memory);
+        return binary::receive(format, source, options, scratch, memory);
     }
     if format.is_none() && kind == MediaKind::Binary {
         return Err(ReadError::Unsupported(
@@ -110,11 +132,11 @@ pub fn receive(
             }
             ReceivedRecording::from(recording)
         }),
-        Format::InfluxLines => lines::read(whole, options, &memory),
-        json if json.is_json() => historian::read(whole, json, options, &memory),
+        Format::InfluxLines => lines::read(whole, options, memory),
+        json if json.is_json() => historian::read(whole, json, options, memory),
         csv => {
             let text = csv::SniffedText { head: &head, whole };
-            csv::receive_as(csv, text, options, scratch, &memory)
+            csv::receive_as(csv, text, options, scratch, memory)
         }
     }
 }

@@ -6,6 +6,7 @@ use super::format::Format;
 use super::quality::Scheme;
 use super::{encoding, units};
 use crate::{Interpolation, MIN_SAMPLES, RecordingSource, TimeAxis, Warning};
+use greybox_numerics::parsing::reader::did_you_mean;
 use jiff::tz::TimeZone;
 use std::collections::BTreeMap;
 
@@ -242,8 +243,20 @@ impl Options {
         named.or(self.all_interpolation)
     }
 
+    /// Refuses options that speak of signals that there are not.
+    pub(super) fn check_names(&self, names: &[&str], faults: &mut ReadingFaults) {
+        for (option, name) in self.named_signals() {
+            let renamed = self.rename.values().any(|new| new == name);
+            if !names.contains(&name.as_str()) && !renamed {
+                let hint = did_you_mean(name, names.iter().copied());
+                let detail = format!("there is no signal `{name}`{hint}");
+                faults.invalid(ReadingFault::of_option("unknown_signal", option, detail));
+            }
+        }
+    }
+
     /// The names that options speak of, each with its option.
-    pub(super) fn named_signals(&self) -> impl Iterator<Item = (&'static str, &String)> {
+    fn named_signals(&self) -> impl Iterator<Item = (&'static str, &String)> {
         let ignore = self.ignore.iter().map(|name| ("ignore", name));
         let units = self.units.keys().map(|name| ("units", name));
         let rename = self.rename.keys().map(|name| ("rename", name));

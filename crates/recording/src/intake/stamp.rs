@@ -1,7 +1,10 @@
 //! Dates and times as people and programs write them.
 
+mod zone;
+
 use jiff::Timestamp;
 use jiff::civil::DateTime;
+use jiff::tz::Offset;
 
 /// A date and time that was understood.
 #[derive(Clone, Debug, PartialEq)]
@@ -10,6 +13,8 @@ pub(super) enum Stamp {
     Instant(Timestamp, Option<String>),
     /// Without one.
     Local(DateTime),
+    /// With letters for a zone, which zones share.
+    Lettered(DateTime, String),
 }
 
 /// Whether a text is meant as a date rather than as a number.
@@ -21,6 +26,67 @@ pub(super) fn looks_like_one(text: &str) -> bool {
         .any(|byte| matches!(byte, b'-' | b':' | b'/'));
     let dotted = text.bytes().filter(|byte| *byte == b'.').count() > 1;
     (separated || dotted) && text.parse::<f64>().is_err()
+}
+
+/// Whether a text is a date, a time of day or both, whichever of day and month comes first.
+pub(super) fn is_one(text: &str) -> bool {
+    let is_read = |day_first| parse(text, Some(day_first)).is_ok();
+    looks_like_one(text) && (span(text).is_some() || is_read(true) || is_read(false))
+}
+
+/// Whether a text is a date without a time.
+pub(super) fn is_date(text: &str) -> bool {
+    !text.contains(':') && is_one(text)
+}
+
+/// Whether a text is a time of day without a date.
+pub(super) fn is_clock(text: &str) -> bool {
+    text.contains(':') && clock_time(text).is_some()
+}
+
+/// Whether a text ends with a time of day to the second.
+pub(super) fn is_to_second(text: &str) -> bool {
+    let clock = text.rsplit([' ', 'T']).next().unwrap_or_default();
+    let is_pair = |part: &str| {
+        (1..=2).contains(&part.len()) && part.bytes().all(|byte| byte.is_ascii_digit())
+    };
+    clock.split(':').count() == 3 && clock.split(':').all(is_pair)
+}
+
+/// Whether a text says how times are written: `hh:mm:ss`, `dd.MM.yyyy HH:mm`.
+pub(super) fn is_pattern(text: &str) -> bool {
+    let lower = text.to_ascii_lowercase();
+    let is_of_pattern = |c: char| "ymdhsfapt :./-,".contains(c);
+    let has_two = lower.contains("hh") || lower.contains("yy");
+    lower.contains("mm") && has_two && lower.chars().all(is_of_pattern)
+}
+
+/// The seconds of a time that no date belongs to: `0 days 00:00:00.100000`, `1 day, 0:00:01`, `08:15:00.5`.
+pub(super) fn span(text: &str) -> Option<f64> {
+    let text = text.trim();
+    let (is_negative, text) = match text.strip_prefix('-') {
+        Some(text) => (true, text),
+        None => (false, text),
+    };
+    let (days, clock) = match text.split_once(" day") {
+        Some((days, clock)) => (
+            days.parse::<u32>().ok()?,
+            clock.trim_start_matches(['s', ',', ' ', '+']),
+        ),
+        None => (0, text),
+    };
+    let is_clock = clock.is_empty() && text != clock || clock.split(':').count() > 2;
+    let (hour, minute, second, nanosecond) = clock_time(clock).filter(|_| is_clock)?;
+    let whole = f64::from(second) + 60.0 * (f64::from(minute) + 60.0 * f64::from(hour));
+    let fraction = f64::from(nanosecond) / 1e9;
+    // pandas counts negative days and adds the time of day to them.
+    let days = if is_negative {
+        -f64::from(days)
+    } else {
+        f64::from(days)
+    };
+    let is_told = !is_negative || days != 0.0;
+    is_told.then_some(days * 86_400.0 + whole + fraction)
 }
 
 /// The instant that a text names.
@@ -35,7 +101,8 @@ pub(super) fn parse(text: &str, day_first: Option<bool>) -> Result<Stamp, (&'sta
         return Ok(Stamp::Local(local));
     }
     let shown = super::error::excerpt(text);
-    let Some(written) = WrittenStamp::of(text) else {
+    let (stamp, zone) = zone::split(text);
+    let Some(written) = WrittenStamp::of(stamp) else {
         let detail =
             format!("`{shown}` is neither a number nor a timestamp such as 2026-03-02T08:15:00Z");
         return Err(("not_a_time", detail));
@@ -48,15 +115,35 @@ pub(super) fn parse(text: &str, day_first: Option<bool>) -> Result<Stamp, (&'sta
         );
         return Err(("ambiguous_date", detail));
     };
-    written.local(day_first).map(Stamp::Local).ok_or_else(|| {
+    let local = written.local(day_first);
+    let stamp = local.and_then(|local| match zone {
+        None => Some(Stamp::Local(local)),
+        Some(zone) => match zone::offset(zone) {
+            Some(seconds) => with_offset(local, seconds),
+            None => Some(Stamp::Lettered(local, zone.to_owned())),
+        },
+    });
+    stamp.ok_or_else(|| {
         let detail = format!("`{shown}` is not a date that there is");
         ("not_a_time", detail)
     })
 }
 
+/// The instant of a local time so many seconds ahead of UTC.
+fn with_offset(local: DateTime, seconds: i32) -> Option<Stamp> {
+    let instant = Offset::from_seconds(seconds)
+        .ok()?
+        .to_timestamp(local)
+        .ok()?;
+    let minutes = seconds.abs() / 60;
+    let sign = if seconds < 0 { '-' } else { '+' };
+    let offset = format!("{sign}{:02}:{:02}", minutes / 60, minutes % 60);
+    Some(Stamp::Instant(instant, (seconds != 0).then_some(offset)))
+}
+
 /// Whether the day stands before the month, where the text leaves no doubt.
 pub(super) fn day_first(text: &str) -> Option<bool> {
-    WrittenStamp::of(text.trim())?.day_first()
+    WrittenStamp::of(zone::split(text.trim()).0)?.day_first()
 }
 
 /// The date and time of so many microseconds since 1899-12-30.
@@ -166,7 +253,7 @@ fn month(text: &str) -> Option<u16> {
         .or(german.map(|(_, month)| *month))
 }
 
-/// `8:15`, `08:15:00.5`, `08:15:00,5`, `8:15:00 PM`; midnight where there is none.
+/// `8:15`, `08:15:00.5`, `08:15:00,5`, `08:15:00:500`, `8:15:00 PM`; midnight where there is none.
 fn clock_time(text: &str) -> Option<(i8, i8, i8, i32)> {
     if text.is_empty() {
         return Some((0, 0, 0, 0));
@@ -181,10 +268,14 @@ fn clock_time(text: &str) -> Option<(i8, i8, i8, i32)> {
     let hour: i8 = fields.next()?.parse().ok()?;
     let minute: i8 = fields.next()?.parse().ok()?;
     let seconds = fields.next().unwrap_or("0");
-    if fields.next().is_some() {
-        return None;
-    }
-    let (second, fraction) = seconds.split_once(['.', ',']).unwrap_or((seconds, ""));
+    let (second, fraction) = match fields.next() {
+        // Three digits behind a colon are milliseconds.
+        Some(milliseconds) if milliseconds.len() == 3 && fields.next().is_none() => {
+            (seconds, milliseconds)
+        }
+        Some(_) => return None,
+        None => seconds.split_once(['.', ',']).unwrap_or((seconds, "")),
+    };
     let is_fraction = fraction.len() <= 9 && fraction.bytes().all(|byte| byte.is_ascii_digit());
     let nanosecond = is_fraction.then(|| format!("{fraction:0<9}").parse().ok())??;
     let hour = match shift {

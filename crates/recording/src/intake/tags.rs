@@ -9,6 +9,7 @@ use super::column::SignalColumn;
 use super::error::{ReadError, ReadingFault, ReadingFaults};
 use super::memory::Memory;
 use super::options::{GridOption, Options, ReadingPurpose};
+use super::order::CoarseTimes;
 use super::quality::Scheme;
 use crate::columns::SampleColumns;
 use crate::{
@@ -306,7 +307,7 @@ impl<'o> Tags<'o> {
     /// Names that options speak of are names of tags.
     fn check_options(&mut self) {
         let names: Vec<&str> = self.tags.iter().map(|tag| tag.short.as_str()).collect();
-        check_options(self.options, &names, &mut self.faults);
+        self.options.check_names(&names, &mut self.faults);
     }
 
     /// Two tags of one short name are called by their keys.
@@ -335,11 +336,12 @@ impl<'o> Tags<'o> {
     /// Puts each tag's samples in their order, and the first instant of all at 0. Answers when
     /// that was by the clock.
     fn order(&mut self) -> f64 {
-        let (mut disordered, mut duplicates) = (0, 0);
+        let (mut disordered, mut duplicates, mut spread) = (0, 0, None);
         for tag in &mut self.tags {
-            let (moved, dropped) = tag.order(self.options.purpose);
+            let (moved, dropped, coarse) = tag.order(self.options.purpose);
             disordered += moved;
             duplicates += dropped;
+            spread = spread.or(coarse);
         }
         let firsts = self.tags.iter().filter_map(|tag| tag.instants.first());
         let first = firsts.copied().fold(f64::INFINITY, f64::min);
@@ -350,6 +352,7 @@ impl<'o> Tags<'o> {
                 *instant = (*instant * 1e9).round() / 1e9;
             }
         }
+        self.notes.extend(spread.map(CoarseTimes::note));
         if disordered > 0 {
             let detail = format!("{disordered} samples came out of their order and were sorted");
             self.notes
@@ -485,16 +488,4 @@ fn enough(instants: Vec<f64>, least: usize) -> Result<Vec<f64>, ReadError> {
         "too_few_samples",
         detail,
     )))
-}
-
-/// Refuses options that speak of signals that there are not.
-pub(super) fn check_options(options: &Options, names: &[&str], faults: &mut ReadingFaults) {
-    for (option, name) in options.named_signals() {
-        let renamed = options.rename.values().any(|new| new == name);
-        if !names.contains(&name.as_str()) && !renamed {
-            let hint = greybox_numerics::parsing::reader::did_you_mean(name, names.iter().copied());
-            let detail = format!("there is no signal `{name}`{hint}");
-            faults.invalid(ReadingFault::of_option("unknown_signal", option, detail));
-        }
-    }
 }

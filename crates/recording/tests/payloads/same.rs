@@ -168,9 +168,14 @@ fn workbook(source: &Source) -> Vec<u8> {
         format!("<row>{time}<c><v>{a:?}</v></c><c><v>{b:?}</v></c></row>")
     });
     let rows: String = rows.collect();
+    workbook_of(&format!("<row>{header}</row>{rows}"))
+}
+
+/// A workbook of Excel with these rows.
+fn workbook_of(rows: &str) -> Vec<u8> {
     let sheet = format!(
         r#"<worksheet xmlns="http://schemas.openxmlformats.org/spreadsheetml/2006/main">
-        <sheetData><row>{header}</row>{rows}</sheetData></worksheet>"#
+        <sheetData>{rows}</sheetData></worksheet>"#
     );
     let mut file = ZipWriter::new(Cursor::new(Vec::new()));
     for (name, part) in WORKBOOK
@@ -182,6 +187,37 @@ fn workbook(source: &Source) -> Vec<u8> {
         file.write_all(part.as_bytes()).unwrap();
     }
     file.finish().unwrap().into_inner()
+}
+
+#[test]
+fn a_sheet_may_have_lines_above_its_titles_and_end_its_rows_early() {
+    let row = |row: &[&str]| {
+        let cells = row.iter().map(|cell| match cell.parse::<f64>() {
+            Ok(number) => format!("<c><v>{number}</v></c>"),
+            Err(_) => format!(r#"<c t="inlineStr"><is><t>{cell}</t></is></c>"#),
+        });
+        format!("<row>{}</row>", cells.collect::<String>())
+    };
+    let titles = row(&["Rig 4"]) + &row(&["Time", "a", "b"]) + &row(&["s", "bar", "degC"]);
+    let rows = row(&["0", "1", "20"]) + &row(&["1", "2"]) + &row(&["2", "3", "22"]);
+    let bytes = workbook_of(&(titles + &rows));
+    let recording = intake::read(&bytes[..], MediaKind::Binary, &Options::default()).unwrap();
+    assert_eq!(recording.signal("a").unwrap().values, [1e5, 2e5, 3e5]);
+    assert!(recording.signal("b").unwrap().values[1].is_nan());
+}
+
+#[test]
+fn dates_and_times_of_a_sheet_are_one_time() {
+    let text = "Date,Time,a\n2026-03-02T00:00:00.000,29700,1\n2026-03-02T00:00:00.000,29700.25,2\n\
+                2026-03-02T00:00:00.000,29700.5,3\n";
+    let mut options = Options::default();
+    options.set("tz", "UTC").unwrap();
+    let recording = intake::read(text.as_bytes(), MediaKind::Csv, &options).unwrap();
+    assert_eq!(
+        recording.start,
+        Some("2026-03-02T08:15:00Z".parse().unwrap())
+    );
+    assert_eq!(recording.time.sample_time(), 0.25);
 }
 
 fn read(text: &str, kind: MediaKind) -> Recording {

@@ -187,7 +187,8 @@ impl<'w> Sheet<'w> {
             cell = self.next()?;
         }
         // Cells at the end of a row that have nothing in them need not be there.
-        let (_, end) = *self.header.get_or_insert((begin, column + 1));
+        let (_, end) = self.header.get_or_insert((begin, column + 1));
+        *end = column.saturating_add(1).max(*end);
         text.resize(text.len() + end.saturating_sub(column + 1) as usize, b',');
         text.push(b'\n');
         self.row = row + 1;

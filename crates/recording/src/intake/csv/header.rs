@@ -2,8 +2,8 @@
 
 use super::super::column::SignalColumn;
 use super::super::error::{ReadingFault, ReadingFaults, invalid};
-use super::super::options::Options;
-use super::super::{ReadError, stamp, units};
+use super::super::options::{Decimal, Options};
+use super::super::{ReadError, stamp, units, value};
 use super::rows::{line_of, texts};
 use crate::{MAX_SIGNALS, name_fault};
 use ::csv::ByteRecord;
@@ -79,11 +79,14 @@ impl Header {
     }
 }
 
-/// Whether a title is what stands in rows: a number or a time.
-fn is_data(title: &str) -> bool {
-    title.is_empty()
-        || title.parse::<f64>().is_ok()
-        || stamp::looks_like_one(title) && { stamp::parse(title, Some(true)).is_ok() }
+/// Whether a field is what stands in rows: nothing, a number or a time.
+pub(super) fn is_data(field: &str) -> bool {
+    let is_number = |decimal| value::number(field, Some(decimal)).is_some();
+    field.is_empty()
+        || is_number(Decimal::Point)
+        || is_number(Decimal::Comma)
+        || stamp::is_one(field)
+        || value::with_unit(field).is_some_and(|(number, _)| is_data(number))
 }
 
 fn time_column(titles: &[&str], wanted: Option<&str>) -> Option<usize> {

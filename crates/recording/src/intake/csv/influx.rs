@@ -7,9 +7,9 @@ use super::super::error::{ReadError, ReadingFault};
 use super::super::memory::Memory;
 use super::super::options::Options;
 use super::super::tags::{Quality, RawSample, Tags};
-use super::rows::{BoundedRows, is_empty, line_of, read_row, texts};
+use super::rows::{TableRows, is_empty, line_of, read_row, texts};
 use crate::ReceivedRecording;
-use ::csv::{ByteRecord, Reader};
+use ::csv::ByteRecord;
 use std::io::Read;
 
 /// What the columns of the present table are.
@@ -25,7 +25,7 @@ const OWN: [&str; 7] = ["", "result", "table", "_start", "_stop", "_time", "_val
 
 /// Reads all tables.
 pub(super) fn read(
-    mut rows: Reader<BoundedRows<impl Read>>,
+    mut rows: TableRows<'_, impl Read>,
     options: &Options,
     memory: &Memory,
 ) -> Result<ReceivedRecording, ReadError> {

@@ -10,25 +10,25 @@ use super::super::quality::Scheme;
 use super::super::tags::{Quality, RawSample, Tags};
 use super::super::{units, value};
 use super::header::time_name_and_unit;
-use super::rows::{BoundedRows, is_empty, line_of, read_row, texts};
+use super::rows::{TableRows, is_empty, line_of, read_row, texts};
 use crate::ReceivedRecording;
-use ::csv::{ByteRecord, Reader};
+use ::csv::ByteRecord;
 use std::collections::HashSet;
 use std::io::Read;
 
 /// Where in a row things stand.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct LongColumns {
-    time: usize,
-    tag: usize,
-    value: usize,
-    quality: Option<(usize, Option<Scheme>)>,
-    unit: Option<usize>,
+pub(in crate::intake) struct LongColumns {
+    pub(in crate::intake) time: usize,
+    pub(in crate::intake) tag: usize,
+    pub(in crate::intake) value: usize,
+    pub(in crate::intake) quality: Option<(usize, Option<Scheme>)>,
+    pub(in crate::intake) unit: Option<usize>,
 }
 
 impl LongColumns {
     /// What the titles say, where there are a time, a tag and a value among them.
-    pub(super) fn of(titles: &[&str]) -> Option<Self> {
+    pub(in crate::intake) fn of(titles: &[&str]) -> Option<Self> {
         let plain = |title: &&str| -> String {
             let (name, _) = units::name_and_unit(title);
             let letters = name.chars().filter(|c| c.is_alphanumeric());
@@ -152,7 +152,7 @@ impl LongColumns {
 
 /// Reads all rows; `guessed` are the columns by what stands in them, where their titles do not say it.
 pub(super) fn read(
-    mut rows: Reader<BoundedRows<impl Read>>,
+    mut rows: TableRows<'_, impl Read>,
     guessed: Option<LongColumns>,
     options: &Options,
     memory: &Memory,

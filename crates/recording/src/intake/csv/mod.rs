@@ -3,7 +3,8 @@
 //! A header row names the columns and their units: `time [s],reference [m],position [mm]`. One
 //! column, the first unless [`Options::time`] names another, is the time (`clock`). An
 //! empty field and `NaN` are missing samples. Comma, semicolon or tab is told from the header; empty
-//! rows and empty fields at the ends of lines are understood.
+//! rows and empty fields at the ends of lines are understood. Lines above the titles, a row of units, a time in
+//! several columns and titles that come again are put right first (`shape`), for every kind of table.
 //!
 //! Of a text with a column for each signal (`table`) memory holds the values (eight bytes each)
 //! or, where there is a scratch, a few MiB of them; never the text. Those with a row for each sample
@@ -14,8 +15,10 @@ mod influx;
 mod long;
 mod paired;
 mod rows;
+mod shape;
 mod simulink;
 mod sniff;
+mod split_time;
 mod table;
 
 use super::error::{ReadingFault, invalid};
@@ -23,10 +26,11 @@ use super::memory::Memory;
 use super::options::{Decimal, Options};
 use super::{Format, ReadError};
 use crate::{NewScratch, ReceivedRecording, Warning};
-use ::csv::{ByteRecord, Reader, ReaderBuilder};
+use ::csv::ByteRecord;
 use header::Header;
 pub(super) use header::time_name_and_unit;
-use rows::{BoundedRows, read_row};
+pub(super) use long::LongColumns;
+use rows::{TableRows, read_row};
 use sniff::{Fractions, Sniff};
 use std::io::Read;
 use table::CsvTable;
@@ -69,25 +73,37 @@ pub(super) fn receive_as(
             return Err(invalid(fault));
         }
     }
-    let rows = ReaderBuilder::new()
-        .delimiter(sniff.delimiter)
-        .flexible(true)
-        .has_headers(false)
-        // Every row ends with its line, the last one too.
-        .from_reader(BoundedRows::of(text.whole.chain(&b"\n"[..])));
+    if let Some(fault) = sniff.shape.fault() {
+        return Err(invalid(fault));
+    }
+    notes.extend(sniff.shape.notes());
+    // Every row ends with its line, the last one too.
+    let whole = text.whole.chain(&b"\n"[..]);
+    let rows = TableRows::of(whole, sniff.delimiter, &sniff.shape);
+    let repeated = rows.repeated();
     let mut received = match format {
         Format::LongCsv => long::read(rows, sniff.guessed_columns(), &options, memory),
         Format::PairedCsv => paired::read(rows, sniff.paired_columns(), &options, memory),
         Format::SimulinkCsv => simulink::read(rows, &options, memory),
         Format::InfluxCsv => influx::read(rows, &options, memory),
-        _ => wide(rows, &sniff, &options, scratch),
+        _ => {
+            let sniffed = SniffedText {
+                head: text.head,
+                whole: rows,
+            };
+            wide(sniffed, &sniff, &options, scratch)
+        }
     }?;
+    if repeated.get() > 0 {
+        let detail = format!("{} rows left out that repeat the titles", repeated.get());
+        notes.push(Warning::of_recording("repeated_titles", detail));
+    }
     received.header.notes.splice(0..0, notes);
     Ok(received)
 }
 
 fn wide(
-    mut rows: Reader<BoundedRows<impl Read>>,
+    text: SniffedText<'_, TableRows<'_, impl Read>>,
     sniff: &Sniff,
     options: &Options,
     scratch: Option<NewScratch>,
@@ -104,17 +120,21 @@ fn wide(
             detail,
         )));
     }
+    let mut rows = text.whole;
     let mut record = ByteRecord::new();
     read_row(&mut rows, &mut record)?;
     let header = Header::parse(&record, options)?;
-    let times = sniff.column(header.time);
+    let times = sniff.column(text.head, header.time);
+    let are_repeated = sniff.are_repeated(header.time);
     let mut table = CsvTable::new(header, options, scratch);
-    table.look_ahead(times.iter().map(String::as_str));
+    table.look_ahead(&times, are_repeated);
     while !table.is_full() && read_row(&mut rows, &mut record)? {
         table.push(&record).map_err(ReadError::Scratch)?;
     }
     table.into_received()
 }
 
+#[cfg(test)]
+mod layouts;
 #[cfg(test)]
 mod tests;

@@ -9,9 +9,9 @@ use super::super::options::Options;
 use super::super::tags::{Quality, RawSample, Tags};
 use super::super::{stamp, units, value};
 use super::header::time_name_and_unit;
-use super::rows::{BoundedRows, is_empty, line_of, read_row, texts};
+use super::rows::{TableRows, is_empty, line_of, read_row, texts};
 use crate::ReceivedRecording;
-use ::csv::{ByteRecord, Reader};
+use ::csv::ByteRecord;
 use std::io::Read;
 
 /// Words that call a column a time.
@@ -88,7 +88,7 @@ impl PairedColumns {
 }
 
 /// Whether the first or the last word of a title is that of a time.
-fn is_called_time(title: &str) -> bool {
+pub(super) fn is_called_time(title: &str) -> bool {
     let (name, _) = time_name_and_unit(title);
     let name = name.to_lowercase();
     let mut words = name.split(|symbol: char| !symbol.is_alphanumeric());
@@ -120,7 +120,7 @@ fn runs(rows: &[Vec<String>], column: usize) -> bool {
 
 /// Reads all rows.
 pub(super) fn read(
-    mut rows: Reader<BoundedRows<impl Read>>,
+    mut rows: TableRows<'_, impl Read>,
     columns: Option<PairedColumns>,
     options: &Options,
     memory: &Memory,

@@ -2,8 +2,11 @@
 
 use super::super::error::{ReadError, ReadingFault, broken, malformed, told};
 use super::super::memory::LONGEST_ROW;
-use ::csv::{ByteRecord, Error, ErrorKind, Position, Reader};
+use super::shape::Shape;
+use ::csv::{ByteRecord, Error, ErrorKind, Position, Reader, ReaderBuilder};
+use std::cell::Cell;
 use std::io::{self, Read};
+use std::rc::Rc;
 
 /// Bytes that are handed over at once, so that little of the next row counts as a part of a row.
 const PIECE_BYTES: usize = 8 << 10;
@@ -50,8 +53,75 @@ impl<R: Read> Read for BoundedRows<R> {
     }
 }
 
-/// The next row; false at the end.
+/// The rows of a table, from its titles on.
+pub(super) struct TableRows<'s, R> {
+    rows: Reader<BoundedRows<R>>,
+    shape: &'s Shape,
+    has_begun: bool,
+    repeated: Rc<Cell<usize>>,
+}
+
+impl<'s, R: Read> TableRows<'s, R> {
+    pub(super) fn of(text: R, delimiter: u8, shape: &'s Shape) -> Self {
+        Self {
+            rows: rows_of(text, delimiter),
+            shape,
+            has_begun: false,
+            repeated: Rc::default(),
+        }
+    }
+
+    /// A count of the rows that are left out because they stand above the data too, while it goes on.
+    pub(super) fn repeated(&self) -> Rc<Cell<usize>> {
+        Rc::clone(&self.repeated)
+    }
+
+    /// The first row, which has the titles.
+    fn titles(&mut self, record: &mut ByteRecord) -> Result<bool, ReadError> {
+        self.has_begun = true;
+        let mut titles = ByteRecord::new();
+        let mut is_one = true;
+        for k in 0..self.shape.top().max(1) {
+            is_one &= read_text_row(&mut self.rows, record)?;
+            if k == self.shape.header() {
+                titles.clone_from(record);
+            }
+        }
+        self.shape.fit_titles(&mut titles);
+        *record = titles;
+        Ok(is_one)
+    }
+}
+
+/// The rows of a text, whatever they are.
+pub(super) fn rows_of<R: Read>(text: R, delimiter: u8) -> Reader<BoundedRows<R>> {
+    ReaderBuilder::new()
+        .delimiter(delimiter)
+        .flexible(true)
+        .has_headers(false)
+        .from_reader(BoundedRows::of(text))
+}
+
+/// The next row of a table, first that of its titles; false at the end.
 pub(super) fn read_row(
+    rows: &mut TableRows<'_, impl Read>,
+    record: &mut ByteRecord,
+) -> Result<bool, ReadError> {
+    if !rows.has_begun {
+        return rows.titles(record);
+    }
+    while read_text_row(&mut rows.rows, record)? {
+        if !rows.shape.repeats_top(record) || is_empty(record) {
+            rows.shape.fit(record);
+            return Ok(true);
+        }
+        rows.repeated.set(rows.repeated.get() + 1);
+    }
+    Ok(false)
+}
+
+/// The next row of a text; false at the end.
+pub(super) fn read_text_row(
     rows: &mut Reader<BoundedRows<impl Read>>,
     record: &mut ByteRecord,
 ) -> Result<bool, ReadError> {

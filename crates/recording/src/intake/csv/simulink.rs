@@ -7,9 +7,9 @@ use super::super::error::{ReadError, ReadingFault, invalid};
 use super::super::memory::Memory;
 use super::super::options::Options;
 use super::super::tags::{Quality, RawSample, Tags};
-use super::rows::{BoundedRows, is_empty, line_of, read_row, texts};
+use super::rows::{TableRows, is_empty, line_of, read_row, texts};
 use crate::{Interpolation, ReceivedRecording};
-use ::csv::{ByteRecord, Reader};
+use ::csv::ByteRecord;
 use std::io::Read;
 
 /// A column of a signal and that of its time.
@@ -21,7 +21,7 @@ struct SimulinkColumns {
 
 /// Reads all rows.
 pub(super) fn read(
-    mut rows: Reader<BoundedRows<impl Read>>,
+    mut rows: TableRows<'_, impl Read>,
     options: &Options,
     memory: &Memory,
 ) -> Result<ReceivedRecording, ReadError> {

@@ -1,41 +1,35 @@
 //! What the first lines of a CSV tell: its delimiter, its kind, and how it writes numbers.
 
+use super::super::format::HEAD_BYTES;
 use super::super::options::Decimal;
 use super::super::{Format, value};
 use super::long::LongColumns;
 use super::paired::PairedColumns;
-use ::csv::ReaderBuilder;
+use super::rows::{TableRows, read_row, read_text_row, rows_of};
+use super::shape::Shape;
+use ::csv::ByteRecord;
 
 /// Rows that are looked at.
 const ROWS: usize = 50;
 
+/// Rows among which the titles are looked for.
+const TOP_ROWS: usize = 100;
+
 /// The first rows of a text.
 pub(super) struct Sniff {
     pub(super) delimiter: u8,
+    pub(super) shape: Shape,
     rows: Vec<Vec<String>>,
 }
 
 impl Sniff {
     pub(super) fn new(head: &[u8]) -> Self {
-        let start = head.trim_ascii_start();
-        let first_line = start.split(|byte| *byte == b'\n').next().unwrap_or(start);
-        let delimiter = delimiter(first_line);
-        // The last line of the head may be cut.
-        let whole = match head.iter().rposition(|byte| *byte == b'\n') {
-            Some(end) => &head[..end],
-            None => head,
-        };
-        let reader = ReaderBuilder::new()
-            .delimiter(delimiter)
-            .flexible(true)
-            .has_headers(false)
-            .from_reader(whole);
-        let records = reader.into_byte_records().take(ROWS).flatten();
-        let field = |field: &[u8]| String::from_utf8_lossy(field).trim().to_owned();
-        let rows = records.map(|record| record.iter().map(field).collect());
+        let whole = without_cut_line(head);
+        let (delimiter, shape) = shape_of(whole);
         Self {
             delimiter,
-            rows: rows.collect(),
+            rows: table_rows(whole, delimiter, &shape, ROWS),
+            shape,
         }
     }
 
@@ -44,24 +38,8 @@ impl Sniff {
         let Some(first) = self.rows.first() else {
             return Format::WideCsv;
         };
-        let has = |name: &str| first.iter().any(|title| title == name);
-        let is_annotation = |title: &String| {
-            ["#group", "#datatype", "#default", "#constant"].contains(&title.as_str())
-        };
-        if first.first().is_some_and(is_annotation) || (has("_time") && has("_value")) {
-            return Format::InfluxCsv;
-        }
-        let times = first
-            .iter()
-            .filter(|title| title.eq_ignore_ascii_case("time"));
-        let second = self.rows.get(1).into_iter().flatten();
-        let is_description = |field: &String| {
-            ["Unit:", "Interp:", "Type:"]
-                .iter()
-                .any(|key| field.starts_with(key))
-        };
-        if times.count() > 1 || second.clone().any(is_description) {
-            return Format::SimulinkCsv;
+        if let Some(format) = described(&self.rows) {
+            return format;
         }
         let titles: Vec<&str> = first.iter().map(String::as_str).collect();
         if LongColumns::of(&titles)
@@ -96,27 +74,42 @@ impl Sniff {
         titles.get(column).map(String::as_str)
     }
 
-    /// The fields of a column below the header.
-    pub(super) fn column(&self, index: usize) -> Vec<String> {
-        let below = self.rows.iter().skip(1);
-        below.filter_map(|row| row.get(index).cloned()).collect()
+    /// The fields of a column below the header, as far as the head of the text goes.
+    pub(super) fn column(&self, head: &[u8], index: usize) -> Vec<String> {
+        let field = |row: Vec<String>| row.into_iter().nth(index).unwrap_or_default();
+        let rows = table_rows(
+            without_cut_line(head),
+            self.delimiter,
+            &self.shape,
+            usize::MAX,
+        );
+        rows.into_iter().skip(1).map(field).collect()
+    }
+
+    /// Whether the first rows that share the field of a column are the same row again.
+    pub(super) fn are_repeated(&self, column: usize) -> bool {
+        let pairs = self.rows.windows(2).skip(1);
+        let mut of_one_time = pairs.filter(|pair| pair[0].get(column) == pair[1].get(column));
+        of_one_time.all(|pair| pair[0] == pair[1])
     }
 
     /// How the numbers of all columns together write fractions: whether they have a decimal comma, or cannot tell.
     pub(super) fn fractions(&self) -> Fractions {
-        if self.delimiter == b',' {
-            return Fractions::Point;
-        }
-        let fields = || self.rows.iter().skip(1).flatten();
-        let is_clear_point = |field: &String| {
-            field.contains('.') && value::number(field, None).is_some() && !is_in_thousands(field)
+        let plain = |field: &String| match value::with_unit(field) {
+            Some((number, _)) => number.to_owned(),
+            None => field.clone(),
+        };
+        let fields = || self.rows.iter().skip(1).flatten().map(plain);
+        let is_in_thousands = |field: &str| value::is_in_thousands(field, '.');
+        let is_clear_point = |field: String| {
+            field.contains('.') && value::number(&field, None).is_some() && !is_in_thousands(&field)
         };
         if fields().any(is_clear_point) {
             return Fractions::Point;
         }
-        let is_comma = |field: &String| {
+        let is_comma = |field: String| {
             let fraction = field.split_once(',').map(|(_, fraction)| fraction);
-            let is_number = value::number(field, Some(Decimal::Comma)).is_some();
+            let is_number = value::number(&field, Some(Decimal::Comma)).is_some();
             // `1,234` may be a thousand and more.
             let is_clear = |fraction: &str| fraction.len() != 3 || field.starts_with("0,");
             is_number && fraction.is_some_and(is_clear)
@@ -127,11 +120,14 @@ impl Sniff {
         // Who writes three digits behind a point writes them behind 998 too.
         let width = self.rows.iter().map(Vec::len).max().unwrap_or(0);
         let is_open = |column: usize| {
-            let fields = || self.rows.iter().skip(1).filter_map(|row| row.get(column));
-            let is_whole = |field: &String| {
+            let fields = || {
+                let fields = self.rows.iter().skip(1).filter_map(|row| row.get(column));
+                fields.map(plain)
+            };
+            let is_whole = |field: String| {
                 field.len() == 3 && field.bytes().all(|digit| digit.is_ascii_digit())
             };
-            fields().any(is_whole) && fields().any(|field| is_in_thousands(field))
+            fields().any(is_whole) && fields().any(|field| is_in_thousands(&field))
         };
         match (0..width).find(|column| is_open(*column)) {
             Some(column) => Fractions::Open { column },
@@ -148,6 +144,84 @@ impl Sniff {
     }
 }
 
+/// A head up to its last line, which may be cut; that of a whole text is not.
+fn without_cut_line(head: &[u8]) -> &[u8] {
+    match head.iter().rposition(|byte| *byte == b'\n') {
+        Some(end) if head.len() as u64 >= HEAD_BYTES => &head[..end],
+        _ => head,
+    }
+}
+
+/// The first rows of a table, so many at the most, with that of its titles.
+fn table_rows(text: &[u8], delimiter: u8, shape: &Shape, most: usize) -> Vec<Vec<String>> {
+    let mut table = TableRows::of(text, delimiter, shape);
+    let field = |field: &[u8]| String::from_utf8_lossy(field).trim().to_owned();
+    let mut record = ByteRecord::new();
+    let mut rows = Vec::new();
+    while rows.len() < most && read_row(&mut table, &mut record).is_ok_and(|is_one| is_one) {
+        rows.push(record.iter().map(field).collect());
+    }
+    rows
+}
+
+/// The format of rows that describe themselves.
+fn described(rows: &[Vec<String>]) -> Option<Format> {
+    let first = rows.first()?;
+    let has = |name: &str| first.iter().any(|title| title == name);
+    let is_annotation =
+        |title: &String| ["#group", "#datatype", "#default", "#constant"].contains(&title.as_str());
+    if first.first().is_some_and(is_annotation) || (has("_time") && has("_value")) {
+        return Some(Format::InfluxCsv);
+    }
+    let times = first
+        .iter()
+        .filter(|title| title.eq_ignore_ascii_case("time"));
+    let mut second = rows.get(1).into_iter().flatten();
+    let is_description = |field: &String| {
+        let mut keys = ["Unit:", "Interp:", "Type:"].iter();
+        keys.any(|key| field.starts_with(key) && field.len() > key.len())
+    };
+    let is_simulink = times.count() > 1 || second.any(is_description);
+    is_simulink.then_some(Format::SimulinkCsv)
+}
+
+/// The delimiter of a text and the shape of its rows: those with the most columns of data.
+fn shape_of(text: &[u8]) -> (u8, Shape) {
+    let start = text.trim_ascii_start();
+    let first_line = start.split(|byte| *byte == b'\n').next().unwrap_or(start);
+    let likely = delimiter(first_line);
+    let first = first_rows(text, likely);
+    let words = |record: &ByteRecord| {
+        let fields = record
+            .iter()
+            .map(|field| String::from_utf8_lossy(field).trim().to_owned());
+        fields.collect::<Vec<String>>()
+    };
+    let plain = (likely, Shape::plain(&first));
+    if described(&first.iter().take(2).map(words).collect::<Vec<_>>()).is_some() {
+        return plain;
+    }
+    let unlikely = [b',', b';', b'\t'].into_iter();
+    let unlikely = unlikely.filter(|delimiter| *delimiter != likely && text.contains(delimiter));
+    let unlikely = unlikely.map(|delimiter| (delimiter, Shape::of(&first_rows(text, delimiter))));
+    // Of several with as many columns the last is taken.
+    let all = unlikely.chain([(likely, Shape::of(&first))]);
+    let best = all.filter_map(|(delimiter, shape)| Some((delimiter, shape?)));
+    best.max_by_key(|(_, shape)| shape.columns())
+        .unwrap_or(plain)
+}
+
+fn first_rows(text: &[u8], delimiter: u8) -> Vec<ByteRecord> {
+    let mut rows = rows_of(text, delimiter);
+    let mut first = Vec::new();
+    let mut record = ByteRecord::new();
+    while first.len() < TOP_ROWS && read_text_row(&mut rows, &mut record).is_ok_and(|is_one| is_one)
+    {
+        first.push(record.clone());
+    }
+    first
+}
+
 /// How numbers write fractions.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Fractions {
@@ -157,20 +231,6 @@ pub(super) enum Fractions {
     Comma,
     /// The points of a column may stand before fractions or between thousands.
     Open { column: usize },
-}
-
-/// Whether the points of a number may stand between its thousands: `1.052`, `12.345.678`.
-fn is_in_thousands(field: &str) -> bool {
-    let mut groups = field.trim_start_matches('-').split('.');
-    let is_of_digits = |group: &str| group.bytes().all(|digit| digit.is_ascii_digit());
-    let first = groups.next().unwrap_or_default();
-    let begins = (1..=3).contains(&first.len()) && !first.starts_with('0') && is_of_digits(first);
-    let mut count = 0;
-    let go_on = groups.all(|group| {
-        count += 1;
-        group.len() == 3 && is_of_digits(group)
-    });
-    begins && go_on && count > 0
 }
 
 /// The delimiter that stands most often in the header row, outside quotes.

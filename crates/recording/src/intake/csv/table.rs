@@ -6,10 +6,10 @@ use super::super::clock::Clock;
 use super::super::column::SignalColumn;
 use super::super::error::{ReadError, ReadingFault, ReadingFaults};
 use super::super::options::{Options, ReadingPurpose};
-use super::super::tags::check_options;
+use super::super::order::{CoarseTimes, MOST_TIMES_USUAL, TimeOrder};
 use super::header::Header;
 use super::rows::{is_empty, line_of, not_utf8};
-use crate::columns::{SampleColumns, SampleSeries};
+use crate::columns::{SampleColumns, SampleSeries, Since};
 use crate::{NewScratch, ReceivedRecording, Recording, TimeAxis, Warning};
 use ::csv::ByteRecord;
 use std::io;
@@ -24,12 +24,16 @@ pub(super) struct CsvTable<'o> {
     samples: SampleColumns,
     /// The row that is read.
     row: Vec<f64>,
-    /// The row before, which a later row may correct.
-    last_row: Vec<f64>,
+    /// The rows of the last time, one behind the other: one that a later row may correct, or all of a time that is
+    /// told too coarsely.
+    last_rows: Vec<f64>,
+    order: TimeOrder,
     time: usize,
     clock: Clock,
     /// The time of the last row [s].
     last: Option<f64>,
+    /// The earliest and the latest of the times that are kept [s].
+    span: (f64, f64),
     ran_backwards: bool,
     duplicates: usize,
     empty_rows: usize,
@@ -49,12 +53,14 @@ impl<'o> CsvTable<'o> {
             options,
             samples: SampleColumns::new(columns.len(), scratch),
             row: Vec::with_capacity(columns.len()),
-            last_row: Vec::with_capacity(columns.len()),
+            last_rows: Vec::with_capacity(columns.len()),
+            order: TimeOrder::default(),
             clock: Clock::new(&names[time], &time_unit, options),
             time,
             columns,
             names,
             last: None,
+            span: (f64::INFINITY, f64::NEG_INFINITY),
             ran_backwards: false,
             duplicates: 0,
             empty_rows: 0,
@@ -62,9 +68,23 @@ impl<'o> CsvTable<'o> {
         }
     }
 
-    /// Learns from the times of the first rows how they are written.
-    pub(super) fn look_ahead<'t>(&mut self, times: impl Iterator<Item = &'t str>) {
-        self.clock.look_ahead(times);
+    /// Learns from the times of the first rows how they are written and how they follow each other. Rows that
+    /// stand there twice are no rows of a time that is told too coarsely.
+    pub(super) fn look_ahead(&mut self, times: &[String], are_repeated: bool) {
+        self.clock.look_ahead(times.iter().map(String::as_str));
+        let mut clock = self.clock.clone();
+        let mut last = None;
+        let instants = times.iter().filter_map(|time| {
+            last = clock.read(&Cell::Text(time), last).ok().or(last);
+            last
+        });
+        self.order = TimeOrder::of(&instants.collect::<Vec<f64>>());
+        let is_stream = self.options.purpose == ReadingPurpose::Stream;
+        let is_twice = |coarse: &CoarseTimes| are_repeated && coarse.rows == 2;
+        self.order.coarse = self
+            .order
+            .coarse
+            .filter(|coarse| !is_stream && !is_twice(coarse));
     }
 
     /// Whether so much is wrong that no more rows need to be read.
@@ -104,21 +124,39 @@ impl<'o> CsvTable<'o> {
                     .invalid(ReadingFault::at_line(code, line, column, detail));
             }
             Ok(instant) if self.is_next(instant, line) => {
-                self.push_last_row()?;
+                self.push_last_rows(false)?;
                 self.last = Some(instant);
                 self.read_row(record, instant, line);
-                std::mem::swap(&mut self.row, &mut self.last_row);
+                std::mem::swap(&mut self.row, &mut self.last_rows);
             }
-            Ok(instant) if self.last == Some(instant) && self.options.purpose.is_later_right() => {
-                self.read_row(record, instant, line);
-                let corrected = self.last_row.iter_mut().zip(&self.row);
-                for (value, later) in corrected.filter(|(_, later)| !later.is_nan()) {
-                    *value = *later;
-                }
-            }
+            Ok(instant) if self.last == Some(instant) => self.take_same(record, instant, line),
             Ok(_) => {}
         }
         Ok(())
+    }
+
+    /// Takes a row of the time of the row before.
+    fn take_same(&mut self, record: &ByteRecord, instant: f64, line: u64) {
+        if let Some(coarse) = self.order.coarse {
+            let most = MOST_TIMES_USUAL * coarse.rows;
+            if self.last_rows.len() >= most * self.columns.len() {
+                let detail = format!(
+                    "more than {most} rows have this time where {} are usual; write times with more digits",
+                    coarse.rows
+                );
+                let column = Some(self.names[self.time].as_str());
+                let fault = ReadingFault::at_line("repeated_time", line, column, detail);
+                return self.faults.invalid(fault);
+            }
+            self.read_row(record, instant, line);
+            self.last_rows.extend_from_slice(&self.row);
+        } else if self.options.purpose.is_later_right() {
+            self.read_row(record, instant, line);
+            let corrected = self.last_rows.iter_mut().zip(&self.row);
+            for (value, later) in corrected.filter(|(_, later)| !later.is_nan()) {
+                *value = *later;
+            }
+        }
     }
 
     /// Whether the row comes after those before it; counts and reports those that do not.
@@ -126,12 +164,23 @@ impl<'o> CsvTable<'o> {
         let Some(last) = self.last else {
             return true;
         };
-        if instant == last {
-            self.duplicates += 1;
-        } else if instant < last && !self.ran_backwards {
+        let follows = self.order.follows(instant, last);
+        let has_room = |coarse: CoarseTimes| coarse.has_room(last, instant);
+        if follows && !self.order.coarse.is_none_or(has_room) {
+            let detail = "several rows have each time, and this time comes too soon for those before it; write \
+                          times with more digits";
+            let column = Some(self.names[self.time].as_str());
+            let fault = ReadingFault::at_line("repeated_time", line, column, detail);
+            self.faults.invalid(fault);
+        } else if instant == last {
+            self.duplicates += usize::from(self.order.coarse.is_none());
+        } else if !follows && !self.ran_backwards {
             self.ran_backwards = true;
-            let detail =
-                format!("time runs backwards: {instant} s after {last} s from the first row");
+            let how = match self.order.is_newest_first {
+                true => "forwards where the newest row came first",
+                false => "backwards",
+            };
+            let detail = format!("time runs {how}: {instant} s after {last} s from the first row");
             let column = Some(self.names[self.time].as_str());
             self.faults.invalid(ReadingFault::at_line(
                 "time_backwards",
@@ -140,7 +189,7 @@ impl<'o> CsvTable<'o> {
                 detail,
             ));
         }
-        instant > last
+        follows
     }
 
     /// Reads the fields of a row as SI values.
@@ -162,18 +211,37 @@ impl<'o> CsvTable<'o> {
         }
     }
 
-    /// Keeps the row that no later row can correct any more.
-    fn push_last_row(&mut self) -> io::Result<()> {
+    /// Keeps the rows that no later row can change any more.
+    fn push_last_rows(&mut self, is_end: bool) -> io::Result<()> {
         // With a fault there will be no recording.
-        if self.faults.is_empty() && !self.last_row.is_empty() {
-            self.samples.push(&self.last_row)?;
+        if !self.faults.is_empty() {
+            return Ok(());
+        }
+        let count = self.last_rows.len() / self.columns.len();
+        let is_oldest = match self.order.is_newest_first {
+            true => is_end,
+            false => self.samples.rows() == 0,
+        };
+        for (k, row) in self.last_rows.chunks_mut(self.columns.len()).enumerate() {
+            let k = if self.order.is_newest_first {
+                count - 1 - k
+            } else {
+                k
+            };
+            let coarse = self.order.coarse;
+            row[self.time] += coarse.map_or(0.0, |coarse| coarse.offset(k, count, is_oldest));
+            self.samples.push(row)?;
+            self.span = (
+                self.span.0.min(row[self.time]),
+                self.span.1.max(row[self.time]),
+            );
         }
         Ok(())
     }
 
     /// The recording, or all faults.
     pub(super) fn into_received(mut self) -> Result<ReceivedRecording, ReadError> {
-        self.push_last_row().map_err(ReadError::Scratch)?;
+        self.push_last_rows(true).map_err(ReadError::Scratch)?;
         let samples = self.samples.rows();
         self.check(samples);
         std::mem::take(&mut self.faults).result()?;
@@ -187,20 +255,27 @@ impl<'o> CsvTable<'o> {
                 signals.push(column.into_named(Vec::new(), k));
             }
         }
-        let last = self.last.unwrap_or(0.0);
-        let mut instants = self.samples.column(self.time);
+        if self.order.is_newest_first {
+            self.samples.reverse();
+        }
+        let (first, last) = self.span;
+        let mut instants = Since {
+            first,
+            is_exact: self.clock.is_absolute(),
+            instants: self.samples.column(self.time),
+        };
         let time = match self.options.purpose {
             ReadingPurpose::Recording => {
-                TimeAxis::of_series(&mut instants, samples, last, self.clock.scale())
+                TimeAxis::of_series(&mut instants, samples, last - first, self.clock.scale())
             }
             ReadingPurpose::Stream => instants.collect().map(TimeAxis::Instants),
         };
         Ok(ReceivedRecording {
             header: Recording {
-                double_hour: self.clock.double_hour(0.0),
+                double_hour: self.clock.double_hour(first),
                 own_instants: false,
                 name: self.options.name.clone(),
-                start: self.clock.start(0.0),
+                start: self.clock.start(first),
                 zone: self.clock.zone(),
                 source: self.options.source("wide_csv"),
                 time: time.map_err(ReadError::Scratch)?,
@@ -216,6 +291,12 @@ impl<'o> CsvTable<'o> {
         let mut notes = Vec::new();
         if self.duplicates > 0 {
             notes.push(self.options.purpose.duplicate_time(self.duplicates));
+        }
+        notes.extend(self.order.coarse.map(CoarseTimes::note));
+        if self.order.is_newest_first {
+            let detail =
+                "the newest row came first; the rows were put in the order of time".to_owned();
+            notes.push(Warning::of_recording("newest_first", detail));
         }
         if self.empty_rows > 0 {
             let detail = format!("{} empty rows skipped", self.empty_rows);
@@ -233,7 +314,7 @@ impl<'o> CsvTable<'o> {
             .enumerate()
             .filter(|(k, _)| *k != self.time);
         let names: Vec<&str> = signals.map(|(_, name)| name.as_str()).collect();
-        check_options(self.options, &names, &mut self.faults);
+        self.options.check_names(&names, &mut self.faults);
         let signals = self.columns.iter_mut().enumerate();
         let mut n_signals = 0;
         for (_, column) in signals.filter(|(k, _)| *k != self.time) {
@@ -244,6 +325,18 @@ impl<'o> CsvTable<'o> {
             let detail = "no column but the time has a number in it".to_owned();
             self.faults
                 .invalid(ReadingFault::anywhere("no_signals", detail));
+        } else if self.faults.is_empty()
+            && self.options.purpose == ReadingPurpose::Recording
+            && self.duplicates > samples
+        {
+            let detail = format!(
+                "{} of {} rows have the time of the row before, and nothing says when each was taken: write times \
+                 with more digits, or say another column with `time`",
+                self.duplicates,
+                self.duplicates + samples
+            );
+            self.faults
+                .invalid(ReadingFault::anywhere("repeated_time", detail));
         } else if self.faults.is_empty() && samples < least {
             let detail = format!("{samples} rows with distinct times; at least {least} are needed");
             self.faults

@@ -1,9 +1,10 @@
 //! Frames of pandas: a row is an object (`orient="records"`, `"table"`) or an array beside the
 //! `columns` and the `index` (`"split"`).
 
+use super::super::Format;
 use super::super::cell::Cell;
 use super::super::clock::Clock;
-use super::super::csv::time_name_and_unit;
+use super::super::csv::{LongColumns, time_name_and_unit};
 use super::super::tags::{Quality, RawSample, Tags};
 use super::walk::{Fields, JsonLeaf, Surroundings, Visit};
 
@@ -26,11 +27,16 @@ pub(super) struct Frame<'o> {
     tags: Tags<'o>,
     /// The name of the column that is the time, once a row was seen.
     time: Option<String>,
+    format: Format,
 }
 
 impl<'o> Frame<'o> {
-    pub(super) fn new(tags: Tags<'o>) -> Self {
-        Self { tags, time: None }
+    pub(super) fn new(format: Format, tags: Tags<'o>) -> Self {
+        Self {
+            tags,
+            time: None,
+            format,
+        }
     }
 
     pub(super) fn into_tags(self) -> Tags<'o> {
@@ -60,15 +66,43 @@ impl<'o> Frame<'o> {
         time
     }
 
+    /// Takes a sample that is an object of its own, which names its tag.
+    fn push_sample(&mut self, around: &Surroundings<'_>, fields: &Fields, places: LongColumns) {
+        let place = |code, detail: String| around.fault(code, &detail);
+        let cell = |column: usize| fields.0[column].1.cell();
+        let text = |column: usize| fields.0[column].1.text();
+        let name = text(places.tag).unwrap_or_default();
+        let Some(tag) = self.tags.tag(&name, &place) else {
+            return;
+        };
+        let unit = places.unit.and_then(text);
+        self.tags.describe(tag, unit.as_deref(), None, &place);
+        let sample = RawSample {
+            tag,
+            time: cell(places.time),
+            value: cell(places.value),
+            quality: match places.quality {
+                Some((column, _)) => Quality::Code(cell(column)),
+                None => Quality::Unsaid,
+            },
+        };
+        self.tags.push(&sample, &place);
+    }
+
     fn push<'c>(
         &mut self,
         around: &Surroundings<'_>,
         time: &Cell<'_>,
         cells: impl Iterator<Item = (&'c str, &'c JsonLeaf)>,
     ) {
+        let series = match self.format {
+            Format::InfluxJson => series_of(around),
+            _ => String::new(),
+        };
         for (name, leaf) in cells {
             let place = |code, detail: String| around.fault(code, &detail);
-            let Some(tag) = self.tags.tag(name, &place) else {
+            let key = format!("{series} {name}");
+            let Some(tag) = self.tags.series(key.trim_start(), name, &place) else {
                 continue;
             };
             let sample = RawSample {
@@ -82,10 +116,30 @@ impl<'o> Frame<'o> {
     }
 }
 
+/// The measurement and the tags of a series of InfluxDB.
+fn series_of(around: &Surroundings<'_>) -> String {
+    let name = around.field(&["name"]).and_then(JsonLeaf::text);
+    let tags = match around.field(&["tags"]) {
+        Some(JsonLeaf::Object(tags)) => &tags.0[..],
+        _ => &[],
+    };
+    let tags = tags
+        .iter()
+        .filter_map(|(key, tag)| Some(format!("{key}={}", tag.text()?)));
+    name.into_iter()
+        .chain(tags)
+        .collect::<Vec<String>>()
+        .join(",")
+}
+
 impl Visit for Frame<'_> {
     fn object(&mut self, around: &Surroundings<'_>, fields: &Fields) -> bool {
         let in_schema = around.keys().any(|key| key == "schema");
-        if around.objects.len() > 1 || in_schema || fields.has("data") {
+        if around.objects.len() > 1
+            || in_schema
+            || fields.has("data")
+            || self.format == Format::InfluxJson
+        {
             return false;
         }
         let key = around
@@ -100,6 +154,12 @@ impl Visit for Frame<'_> {
             _ => None,
         };
         let columns: Vec<&str> = fields.0.iter().map(|(name, _)| &**name).collect();
+        let samples = LongColumns::of(&columns).filter(|_| self.format == Format::PandasRecords);
+        if let Some(places) = samples {
+            self.time_of(&[columns[places.time]], None);
+            self.push_sample(around, fields, places);
+            return true;
+        }
         let time = self.time_of(&columns, key.as_deref());
         let instant = fields.get(&time).map_or(Cell::Empty, JsonLeaf::cell);
         let values = fields.0.iter().filter(|(name, _)| **name != *time);

@@ -25,8 +25,13 @@ pub(super) fn recognised(head: &[u8]) -> Format {
     let text = String::from_utf8_lossy(head);
     let has = |key: &str| text.contains(&format!("\"{key}\""));
     let is_array = text.trim_start().starts_with('[');
-    let marks: [(bool, Format); 9] = [
-        (has("signals") && !is_array, Format::Json),
+    let is_influx = ["results", "series", "columns", "values"]
+        .into_iter()
+        .all(has);
+    let are_lines = are_lines(&text);
+    let marks: [(bool, Format); 10] = [
+        (is_influx, Format::InfluxJson),
+        (has("signals") && !is_array && !are_lines, Format::Json),
         (has("containerid") || has("streamingdata"), Format::Omf),
         (has("@odata.context") || has("FQN"), Format::AvevaOdata),
         (has("datapoints"), Format::Cognite),
@@ -51,9 +56,16 @@ pub(super) fn recognised(head: &[u8]) -> Format {
     let marked = marks.into_iter().find(|(marked, _)| *marked);
     match marked {
         Some((_, format)) => format,
-        None if is_array => Format::PandasRecords,
+        None if is_array || are_lines => Format::PandasRecords,
         None => Format::Json,
     }
+}
+
+/// Whether a text has an object on each line.
+fn are_lines(text: &str) -> bool {
+    let mut lines = text.lines().filter(|line| !line.trim().is_empty());
+    let is_object = |line: &str| line.starts_with('{') && line.trim_end().ends_with('}');
+    lines.next().is_some_and(is_object) && lines.next().is_some_and(|line| line.starts_with('{'))
 }
 
 /// Reads a document of one of the formats.
@@ -66,12 +78,12 @@ pub(super) fn read(
     let source = BufReader::new(source);
     let is_frame = matches!(
         format,
-        Format::PandasRecords | Format::PandasSplit | Format::PandasTable
+        Format::PandasRecords | Format::PandasSplit | Format::PandasTable | Format::InfluxJson
     );
     let clock = Clock::new("timestamp", "", options);
     let tags = Tags::new(clock, options, Records::scheme(format), memory);
     if is_frame {
-        let mut frame = Frame::new(tags);
+        let mut frame = Frame::new(format, tags);
         walk(source, memory, &mut frame)?;
         return frame.into_tags().into_received(format.name());
     }
@@ -79,3 +91,6 @@ pub(super) fn read(
     walk(source, memory, &mut records)?;
     records.into_tags().into_received(format.name())
 }
+
+#[cfg(test)]
+mod tests;

@@ -86,15 +86,28 @@ fn through<V: Visit>(
     walker: &mut Walker<'_, V>,
 ) -> Result<(), serde_json::Error> {
     let mut text = serde_json::Deserializer::from_reader(source);
-    let node = LeafSeed {
-        walker: &mut *walker,
-        in_list: false,
-    };
-    node.deserialize(&mut text)?;
-    match walker.visit.is_full() {
-        true => Ok(()),
-        false => text.end(),
+    for document in 1.. {
+        let node = LeafSeed {
+            walker: &mut *walker,
+            in_list: false,
+        };
+        let leaf = node.deserialize(&mut text)?;
+        // Objects on lines of their own are documents that follow each other.
+        match text.end() {
+            Err(error) if !walker.visit.is_full() => {
+                let is_scalar = !matches!(
+                    leaf,
+                    JsonLeaf::Taken | JsonLeaf::Object(_) | JsonLeaf::List(_)
+                );
+                if error.is_io() || is_scalar {
+                    return Err(error);
+                }
+            }
+            _ => break,
+        }
+        walker.path = vec![PathStep::Index(document)];
     }
+    Ok(())
 }
 
 struct Walker<'v, V> {

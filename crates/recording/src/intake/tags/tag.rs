@@ -2,6 +2,7 @@
 
 use super::super::column::SignalColumn;
 use super::super::options::ReadingPurpose;
+use super::super::order::{CoarseTimes, MOST_TIMES_USUAL, TimeOrder};
 use crate::{Class, Interpolation, ResampleRule, TimeAxis, Warning, resample};
 
 /// A tag with its own instants.
@@ -46,11 +47,16 @@ impl Tag {
     }
 
     /// Sorts by instant and keeps one of the samples at an instant: the first of a recording, and of
-    /// a batch of a stream the last that says something. Answers how many samples stood behind a
-    /// later one, and how many were dropped.
-    pub(super) fn order(&mut self, purpose: ReadingPurpose) -> (usize, usize) {
+    /// a batch of a stream the last that says something; those of instants that are told too coarsely
+    /// are spread. Answers how many samples stood behind a later one, how many were dropped, and how
+    /// they were spread.
+    pub(super) fn order(&mut self, purpose: ReadingPurpose) -> (usize, usize, Option<CoarseTimes>) {
         let is_later = |pair: &&[f64]| pair[1] < pair[0];
         let mut disordered = self.instants.windows(2).filter(is_later).count();
+        let coarse = match (disordered, purpose) {
+            (0, ReadingPurpose::Recording) => self.spread(),
+            _ => None,
+        };
         if disordered > 0 {
             if disordered + 1 == self.instants.len() {
                 // Newest first is an order too.
@@ -59,7 +65,33 @@ impl Tag {
             self.sort();
         }
         let dropped = self.drop_repeated(purpose);
-        (disordered, dropped)
+        (disordered, dropped, coarse)
+    }
+
+    /// Spreads the samples of instants that are told too coarsely. Two samples of one value at each
+    /// instant are one sample twice.
+    fn spread(&mut self) -> Option<CoarseTimes> {
+        let pairs = self.instants.windows(2).zip(self.values.windows(2));
+        let mut of_one_instant = pairs.filter(|(instants, _)| instants[0] == instants[1]);
+        let are_repeated = of_one_instant.all(|(_, values)| values[0] == values[1]);
+        let coarse = TimeOrder::of(&self.instants).coarse;
+        let coarse = coarse.filter(|coarse| coarse.rows > 2 || !are_repeated)?;
+        let mut steps = self.instants.windows(2).filter(|pair| pair[0] < pair[1]);
+        let have_room = steps.all(|pair| coarse.has_room(pair[0], pair[1]));
+        let most = MOST_TIMES_USUAL * coarse.rows;
+        let mut groups = self.instants.chunk_by(|a, b| a == b);
+        if !have_room || groups.any(|group| group.len() > most) {
+            return None;
+        }
+        let mut is_oldest = true;
+        for instants in self.instants.chunk_by_mut(|a, b| a == b) {
+            let count = instants.len();
+            for (k, instant) in instants.iter_mut().enumerate() {
+                *instant += coarse.offset(k, count, is_oldest);
+            }
+            is_oldest = false;
+        }
+        Some(coarse)
     }
 
     /// Says how many samples have no value though their source does not call them bad.

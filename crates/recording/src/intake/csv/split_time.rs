@@ -1,0 +1,133 @@
+//! A time in several columns: a date and a time of day, and milliseconds beside a time to the second.
+
+use super::super::stamp;
+use super::paired::is_called_time;
+use ::csv::ByteRecord;
+
+/// Titles of columns of milliseconds, in small letters.
+const MILLISECONDS: [&str; 7] = [
+    "ms",
+    "msec",
+    "millis",
+    "millisec",
+    "millisecond",
+    "milliseconds",
+    "millisekunden",
+];
+
+/// What a sheet has behind a date without a time.
+const MIDNIGHT: &str = "T00:00:00.000";
+
+/// The columns that together are the time.
+pub(super) struct SplitTime {
+    date: Option<usize>,
+    clock: usize,
+    milliseconds: Option<usize>,
+}
+
+impl SplitTime {
+    /// The columns by what stands in them; none where the time has one column.
+    pub(super) fn of(titles: &[String], rows: &[Vec<String>]) -> Option<SplitTime> {
+        let all = |column: usize, is: &dyn Fn(&str) -> bool| {
+            let fields = rows.iter().filter_map(|row| row.get(column));
+            let mut fields = fields.filter(|field| !field.is_empty()).peekable();
+            fields.peek().is_some() && fields.all(|field| is(field))
+        };
+        let is_pair = |date: usize, clock: usize| {
+            let of_sheet = || {
+                is_called_time(&titles[clock]) && all(date, &is_midnight) && all(clock, &is_of_day)
+            };
+            all(date, &stamp::is_date) && all(clock, &stamp::is_clock) || of_sheet()
+        };
+        // A time stands at the beginning, or behind a number of the row.
+        let pairs = (1..titles.len().min(3)).flat_map(|k| [(k - 1, k), (k, k - 1)]);
+        let pair = pairs
+            .into_iter()
+            .find(|(date, clock)| is_pair(*date, *clock));
+        let is_to_second = |column: &usize| all(*column, &stamp::is_to_second);
+        let clock = match pair {
+            Some((_, clock)) => clock,
+            None => (0..titles.len()).find(is_to_second)?,
+        };
+        let date = pair.map(|(date, _)| date);
+        let next = clock.max(date.unwrap_or(0)) + 1;
+        let is_milliseconds = |column: &usize| {
+            let title = titles.get(*column).map(|title| title.to_lowercase());
+            let is_named = title.is_some_and(|title| MILLISECONDS.contains(&title.as_str()));
+            is_named && is_to_second(&clock) && all(*column, &is_of_digits)
+        };
+        let milliseconds = Some(next).filter(is_milliseconds);
+        (date.is_some() || milliseconds.is_some()).then_some(SplitTime {
+            date,
+            clock,
+            milliseconds,
+        })
+    }
+
+    /// The column in whose place the time stands.
+    pub(super) fn first(&self) -> usize {
+        self.clock.min(self.date.unwrap_or(self.clock))
+    }
+
+    /// Whether a column is one of those of the time.
+    pub(super) fn has(&self, column: usize) -> bool {
+        [self.date, Some(self.clock), self.milliseconds].contains(&Some(column))
+    }
+
+    /// The column whose title is that of the time.
+    pub(super) fn named_by(&self) -> usize {
+        self.clock
+    }
+
+    /// The time of a row.
+    pub(super) fn text(&self, record: &ByteRecord) -> Vec<u8> {
+        let field = |column: Option<usize>| {
+            let field = column.and_then(|column| record.get(column));
+            String::from_utf8_lossy(field.unwrap_or_default())
+                .trim()
+                .to_owned()
+        };
+        let date = field(self.date);
+        let mut clock = field(Some(self.clock));
+        if let Some(seconds) = seconds_of_day(&clock).filter(|_| is_midnight(&date)) {
+            let (minutes, second) = ((seconds / 60.0).floor(), seconds % 60.0);
+            clock = format!(
+                "{}:{}:{second:09.6}",
+                (minutes / 60.0).floor(),
+                minutes % 60.0
+            );
+        }
+        let date = date.strip_suffix(MIDNIGHT).unwrap_or(&date);
+        let mut text = format!("{date} {clock}");
+        let milliseconds = field(self.milliseconds);
+        if is_below_a_second(&milliseconds) {
+            text = format!("{text}.{milliseconds:0>3}");
+        } else if !milliseconds.is_empty() {
+            text = format!("{text} and {milliseconds} ms");
+        }
+        text.trim().as_bytes().to_vec()
+    }
+}
+
+fn is_midnight(text: &str) -> bool {
+    text.ends_with(MIDNIGHT)
+}
+
+fn is_of_day(text: &str) -> bool {
+    seconds_of_day(text).is_some()
+}
+
+/// The seconds since midnight, as which a sheet has a time of day.
+fn seconds_of_day(text: &str) -> Option<f64> {
+    let seconds: f64 = text.parse().ok()?;
+    (0.0..86_400.0).contains(&seconds).then_some(seconds)
+}
+
+/// Whether a text is a whole number of milliseconds within a second.
+fn is_below_a_second(text: &str) -> bool {
+    (1..=3).contains(&text.len()) && is_of_digits(text)
+}
+
+fn is_of_digits(text: &str) -> bool {
+    text.bytes().all(|byte| byte.is_ascii_digit())
+}
