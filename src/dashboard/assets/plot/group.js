@@ -9,20 +9,22 @@ const WAIT_MS = 90;
 export class PlotGroup {
   /**
    * `full` is the whole range. `load(from, to, pixels, signal)` reads a part; both ends are null for the
-   * whole range. `failed` is called with an error.
+   * whole range. `failed` is called with an error, `moved` with the part that is shown from now on.
    *
    * @param {{
    *   full: any,
    *   signal?: AbortSignal,
    *   failed?: (error: any) => void,
+   *   moved?: (part: any) => void,
    *   load?: (from: number, to: number, pixels: number, abort: AbortSignal) => Promise<any>,
    * }} options
    */
-  constructor({ full = null, load = null, signal = null, failed = () => {} }) {
+  constructor({ full = null, load = null, signal = null, failed = () => {}, moved = () => {} }) {
     this.full = full;
     this.load = load;
     this.signal = signal;
     this.failed = failed;
+    this.moved = moved;
     this.plots = new Set();
     this.takers = new Map();
     this.part = null;
@@ -61,6 +63,7 @@ export class PlotGroup {
     for (const plot of this.plots) {
       plot.show(this.part);
     }
+    this.moved(this.part);
     if (this.load) {
       clearTimeout(this.timer);
       this.timer = setTimeout(() => this.fetch(), WAIT_MS);
