@@ -4,7 +4,7 @@
 import { h, notice, table } from "../shell/dom.js";
 import { count, instant } from "../shell/format.js";
 import { isRefusal, matchingEntries, methodText } from "./entries.js";
-import { plantHead, showRefusal } from "./head.js";
+import { plantHead, readAsAdmin } from "./head.js";
 import { pagedList } from "./paged.js";
 
 const PAGE = 200;
@@ -30,13 +30,15 @@ export function showAudit(view) {
     address: "/v1/audit",
     more: "Older entries",
     limit: PAGE,
-    failed: (error) => showRefusal(error, "The audit log", outcome),
+    failed: (error) => outcome.fail(error),
     draw: (rows) => {
       content.hidden = false;
       offerMethods(methods, rows, filter.method);
       const shown = matchingEntries(rows, filter);
       summary.textContent = `${count(shown.length)} of the ${count(rows.length)} entries that were read.`;
-      return table("Audit log", COLUMNS, shown.map(entryRow), { empty: "No entry is like this." });
+      return table("Entries", COLUMNS, shown.map(entryRow), {
+        empty: rows.length ? "No entry is like this." : "Nothing was written yet.",
+      });
     },
   });
   const choose = (name, event) => {
@@ -69,7 +71,7 @@ export function showAudit(view) {
     outcome.place,
     content,
   );
-  list.read();
+  readAsAdmin({ view, what: "The audit log", outcome, read: list.read });
 }
 
 function filterFields(methods, choose) {
@@ -115,7 +117,7 @@ function offerMethods(place, rows, chosen) {
 function entryRow(entry) {
   const { at, who, address, method, path, status, request_id: request, left_out: left } = entry;
   return [
-    instant(at),
+    instant(at, true),
     left > 0 ? [who, h("span", { class: "quiet" }, ` and ${count(left)} more before it`)] : who,
     address,
     methodText(method),

@@ -2,7 +2,7 @@
 // Every page about the plant begins with the links to the others and its heading.
 
 import { get } from "../shell/api.js";
-import { h, quoted } from "../shell/dom.js";
+import { h } from "../shell/dom.js";
 import { words } from "../shell/format.js";
 
 const PAGES = [
@@ -38,29 +38,36 @@ export function nameHeading(heading, name) {
   document.title = `${name} · greybox`;
 }
 
-// Shows why a list for administrators is not shown: a refusal is a sentence that names who asks.
-export async function showRefusal(error, what, outcome) {
-  if (error.status !== 403) {
+/**
+ * Reads what administrators alone may read. Whoever may not is told so in a sentence, and nothing is
+ * asked for.
+ *
+ * @param {{ view: any, what: string, outcome: any, read: () => Promise<any> }} options
+ */
+export async function readAsAdmin({ view, what, outcome, read }) {
+  try {
+    const { data } = await get("/v1/session", view.signal);
+    if (data.scope === "admin") {
+      await read();
+    } else {
+      outcome.show(refusal(what, data));
+    }
+  } catch (error) {
     outcome.fail(error);
-    return;
   }
-  const session = await get("/v1/session").then(
-    ({ data }) => data,
-    () => null,
-  );
-  const who = session
-    ? `${session.who} has the scope ${session.scope} in ${session.project}`
-    : "you have less";
-  outcome.show(
-    h(
-      "p",
-      { role: "status" },
-      quoted(
-        `${what} can be read with the scope \`admin\`; ${who}. Whoever runs the server makes tokens with `,
-      ),
-      h("code", {}, "greybox token create --scope admin"),
-      ".",
-    ),
+}
+
+function refusal(what, { who, scope, project }) {
+  return h(
+    "p",
+    { role: "status" },
+    `${what} is for the scope `,
+    h("code", {}, "admin"),
+    `; ${who} has the scope `,
+    h("code", {}, scope),
+    ` in ${project}. Whoever runs the server makes tokens with `,
+    h("code", {}, "greybox token create --scope admin"),
+    ".",
   );
 }
 

@@ -12,11 +12,11 @@ const POLL_MS = 10_000;
 const COLUMNS = [
   { title: "Monitor" },
   { title: "State" },
-  { title: "Stream" },
-  { title: "Windows" },
-  { title: "Next window" },
-  { title: "Last window" },
   { title: "Alarms" },
+  { title: "Last window" },
+  { title: "Next window" },
+  { title: "Windows" },
+  { title: "Stream" },
 ];
 
 export function showMonitors(view) {
@@ -79,11 +79,11 @@ function monitorRow(monitor, detail) {
   return [
     h("a", { href: `#/plant/monitors/${id}` }, name || id),
     stateBadge(status),
-    h("a", { href: `#/plant/streams/${stream}` }, stream),
-    planText(spec.window),
-    [`${next}, ${status === "working" ? "at work" : "due when samples reach"} `, instant(due, true)],
-    detail?.window ? [`${detail.window.number}: `, stateBadge(detail.window.status)] : "–",
     detail?.alarm ? alarmText(detail.alarm) : "none",
+    detail?.window ? [`${detail.window.number}: `, stateBadge(detail.window.status)] : "–",
+    [`${next}, ${status === "working" ? "at work" : "due when samples reach"} `, instant(due, true)],
+    planText(spec.window),
+    h("a", { href: `#/plant/streams/${stream}` }, stream),
   ];
 }
 

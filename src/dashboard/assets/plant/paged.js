@@ -19,7 +19,7 @@ import { h, keepingFocus } from "../shell/dom.js";
 export function pagedList({ view, address, draw, failed, more = "Older ones", limit = 50 }) {
   const place = h("div", {});
   const button = h("button", { type: "button", hidden: true, onclick: () => read() }, more);
-  const element = h("div", {}, place, button);
+  const element = h("div", { class: "on-a-line" }, place, button);
   const state = { rows: [], next: null, isRead: false };
   const show = () => {
     button.hidden = !state.next;

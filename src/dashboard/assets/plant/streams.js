@@ -50,7 +50,7 @@ function streamRow({ name, first, last, samples, bytes, signals, received_at: re
     first ? duration(secondsOf(last) - secondsOf(first)) : "–",
     count(samples),
     size(bytes),
-    signalNames(signals),
+    h("span", { class: "sentence" }, signalNames(signals)),
     instant(received),
   ];
 }

@@ -5,10 +5,11 @@
 import { get, items, pause, send } from "../shell/api.js";
 import { facts, h, notice, table } from "../shell/dom.js";
 import { count, instant, words } from "../shell/format.js";
-import { nameHeading, plantHead, showRefusal, stateBadge } from "./head.js";
+import { nameHeading, plantHead, readAsAdmin, stateBadge } from "./head.js";
 import { pagedList } from "./paged.js";
 
 const POLL_MS = 5000;
+const WHAT = "The list of webhooks";
 
 const EVENTS = [
   ["job.ended", "a job has ended"],
@@ -22,11 +23,11 @@ const DELIVERY_COLUMNS = [
   { title: "Event" },
   { title: "About" },
   { title: "State" },
+  { title: "Again" },
   { title: "Attempts", numeric: true },
   { title: "Last answer" },
   { title: "Next attempt" },
   { title: "Delivered" },
-  { title: "Again" },
 ];
 
 export function showWebhooks(view) {
@@ -41,7 +42,7 @@ export function showWebhooks(view) {
         table("Webhooks", COLUMNS, items(data).map(webhookRow), { empty: "No webhooks yet." }),
       );
     } catch (error) {
-      showRefusal(error, "Webhooks", outcome);
+      outcome.fail(error);
     }
   };
   content.append(webhookForm(read), h("h2", {}, "Webhooks of the project"), list);
@@ -56,7 +57,7 @@ export function showWebhooks(view) {
     outcome.place,
     content,
   );
-  read();
+  readAsAdmin({ view, what: WHAT, outcome, read });
 }
 
 function webhookRow({ id, url, events, created_at: created }) {
@@ -93,7 +94,7 @@ function webhookForm(made) {
     h("div", { class: "fields" }, h("label", {}, "Address that events are sent to", url)),
     h(
       "div",
-      {},
+      { class: "choices" },
       boxes.map(({ label }) => [label, " "]),
     ),
     h("button", { type: "submit", class: "primary" }, "Make the webhook"),
@@ -116,7 +117,6 @@ export function showWebhook(view, id) {
   const outcome = notice();
   const about = h("div", {});
   const content = h("div", { hidden: true });
-  const failed = (error) => showRefusal(error, "Webhooks", outcome);
   const resend = async (delivery) => {
     try {
       await send("POST", `/v1/deliveries/${delivery}/resend`);
@@ -141,7 +141,7 @@ export function showWebhook(view, id) {
     view,
     address: `/v1/webhooks/${id}/deliveries`,
     more: "Older deliveries",
-    failed,
+    failed: (error) => outcome.fail(error),
     draw: (rows) =>
       table(
         "Deliveries",
@@ -162,19 +162,19 @@ export function showWebhook(view, id) {
   );
   const heading = plantHead(view, "/plant/webhooks", id);
   view.root.append(outcome.place, content);
-  get(`/v1/webhooks/${id}`, view.signal)
-    .then(({ data }) => {
-      nameHeading(heading, data.url);
-      about.replaceChildren(
-        facts([
-          ["Events", data.events.join(", ")],
-          ["Made", instant(data.created_at)],
-        ]),
-      );
-      content.hidden = false;
-      return keepUp(view, list);
-    })
-    .catch(failed);
+  const read = async () => {
+    const { data } = await get(`/v1/webhooks/${id}`, view.signal);
+    nameHeading(heading, data.url);
+    about.replaceChildren(
+      facts([
+        ["Events", data.events.join(", ")],
+        ["Made", instant(data.created_at)],
+      ]),
+    );
+    content.hidden = false;
+    await keepUp(view, list);
+  };
+  readAsAdmin({ view, what: WHAT, outcome, read });
 }
 
 async function keepUp(view, list) {
@@ -186,17 +186,17 @@ async function keepUp(view, list) {
 
 function deliveryRow(delivery, resend) {
   const { id, event, state, attempts, payload, last_status: status, last_error: error } = delivery;
-  const label = `Send the delivery of ${new Date(delivery.created_at).toLocaleString()} again`;
+  const label = `Resend the delivery of ${new Date(delivery.created_at).toLocaleString()}`;
   return [
     instant(delivery.created_at),
     event,
     subject(payload.data ?? {}),
     stateBadge(state),
+    h("button", { type: "button", class: "small", "aria-label": label, onclick: () => resend(id) }, "Resend"),
     count(attempts),
-    [status ?? "", error].filter(Boolean).join(": ") || "–",
+    h("span", { class: "sentence" }, [status ?? "", error].filter(Boolean).join(": ") || "–"),
     instant(delivery.next_attempt_at),
     instant(delivery.delivered_at),
-    h("button", { type: "button", class: "small", "aria-label": label, onclick: () => resend(id) }, "Resend"),
   ];
 }
 
