@@ -1,7 +1,7 @@
 // @ts-check
 // This module chooses which entries of the audit log are shown. The functions are pure.
 
-// The methods that entries have beside those of HTTP have words of their own.
+// Entries about deliveries and commands have methods that HTTP has not.
 const WORDS = { DELIVER: "a delivery", COMMAND: "a command" };
 
 export const methodText = (method) => WORDS[method] ?? method;

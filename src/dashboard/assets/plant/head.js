@@ -1,5 +1,5 @@
 // @ts-check
-// Every page about the plant begins with the links to the others and its heading.
+// Every page about the plant begins with links to all of them and a heading.
 
 import { get } from "../shell/api.js";
 import { h } from "../shell/dom.js";

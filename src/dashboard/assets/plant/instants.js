@@ -15,7 +15,7 @@ export function fieldText(seconds) {
   return local.toISOString().replace("Z", "");
 }
 
-// Reads such a field; the answer is NaN where the field is empty.
+// Reads a field of the type datetime-local; the answer is NaN where the field is empty.
 export const fieldSeconds = (text) => new Date(text).getTime() / 1000;
 
 // The part has every sample of a stream: a part ends before the instant that it names as its end.

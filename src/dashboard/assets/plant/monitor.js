@@ -1,6 +1,6 @@
 // @ts-check
 // The page of a single monitor shows each parameter over the windows, the windows with their jobs, and
-// the alarms. It follows the events of the monitor.
+// the alarms. The page follows the events of the monitor.
 
 import { get, pause, send } from "../shell/api.js";
 import { facts, h, notice, quoted, table } from "../shell/dom.js";
@@ -44,8 +44,9 @@ class MonitorPage {
     this.waiting = h("p", { class: "panel", "aria-live": "polite", hidden: true });
     this.windows = [];
     this.older = null;
+    this.lost = false;
     this.plots = new TrendPlots(view);
-    this.table = h("div", {});
+    this.table = h("div", { class: "within" });
     this.more = h(
       "button",
       { type: "button", hidden: true, onclick: () => this.readOlder() },
@@ -70,7 +71,7 @@ class MonitorPage {
       this.about,
       this.waiting,
       h("h2", {}, "Alarms"),
-      this.alarms.element,
+      h("div", { class: "within few" }, this.alarms.element),
       h("h2", {}, "Parameters over the windows"),
       this.plots.element,
       h("h2", {}, "Windows"),
@@ -93,6 +94,10 @@ class MonitorPage {
 
   async refresh() {
     const { data } = await get(`/v1/monitors/${this.id}`, this.view.signal);
+    if (this.lost) {
+      this.lost = false;
+      this.outcome.clear();
+    }
     this.element.hidden = false;
     nameHeading(this.heading, data.name || data.id);
     this.state.replaceChildren(stateBadge(data.status));
@@ -133,8 +138,8 @@ class MonitorPage {
     this.plots.show(this.windows, this.alarms.rows());
   }
 
-  // Events say that there is something new, which is then read. The last event is kept for the tab, so
-  // that its next visit hears only what came since.
+  // Events say that there is something new, which is then read. The tab keeps the number of the last
+  // event, so that the next visit hears only what came since.
   follow() {
     const key = `monitor-event ${this.id}`;
     const last = sessionStorage.getItem(key);
@@ -163,10 +168,9 @@ class MonitorPage {
     try {
       await pause(AGAIN_MS, this.view.signal);
       await this.refresh();
-      this.outcome.clear();
       this.follow();
     } catch (error) {
-      this.outcome.fail(error);
+      this.fail(error);
       if (error.status !== 404 && error.name !== "AbortError") {
         this.followAgain();
       }
@@ -179,7 +183,13 @@ class MonitorPage {
         this.refreshing = null;
         return this.refresh();
       })
-      .catch((error) => this.outcome.fail(error));
+      .catch((error) => this.fail(error));
+  }
+
+  // A failure to read is shown until the monitor can be read again.
+  fail(error) {
+    this.lost = true;
+    this.outcome.fail(error);
   }
 
   actions() {

@@ -28,6 +28,7 @@ export function showMonitors(view) {
     address: "/v1/monitors",
     more: "Older monitors",
     failed: (error) => outcome.fail(error),
+    recovered: () => outcome.clear(),
     draw: (rows) =>
       table(
         "Monitors",
@@ -52,14 +53,15 @@ export function showMonitors(view) {
     outcome.place,
     list.element,
   );
-  keepUp(view, list, details).catch((error) => outcome.fail(error));
+  keepUp(view, list, details).catch(() => {});
 }
 
 async function keepUp(view, list, details) {
   for (;;) {
     await list.refresh();
     for (const { id } of list.rows()) {
-      details.set(id, await detailsOf(id, view.signal));
+      // A monitor may have ended since the list was read.
+      details.set(id, await detailsOf(id, view.signal).catch(() => undefined));
     }
     list.show();
     await pause(POLL_MS, view.signal);

@@ -6,12 +6,14 @@ import { isoText } from "../plot/clock.js";
 import { PlotGroup } from "../plot/group.js";
 import { plot } from "../plot/plot.js";
 import { get, query } from "../shell/api.js";
-import { h, table } from "../shell/dom.js";
+import { h, notice, table } from "../shell/dom.js";
 import { number, unitText, words } from "../shell/format.js";
 import { fieldSeconds, fieldText, wholeOf } from "./instants.js";
 import { columnOf, pointsFor, summaryOf } from "./samples.js";
 
 const PLOTS_AT_ONCE = 8;
+// The table of more signals than these is closed at first, so that the plots are seen.
+const SIGNALS_SHOWN = 12;
 // The server reads at most two million instants at once.
 const MOST_INSTANTS = 1_500_000;
 
@@ -25,7 +27,7 @@ const SIGNAL_COLUMNS = [
 ];
 
 export class PartPlots {
-  constructor({ view, address, stream, failed }) {
+  constructor({ view, address, stream }) {
     this.stream = stream;
     this.address = address;
     this.leaving = new AbortController();
@@ -33,11 +35,12 @@ export class PartPlots {
     this.from = instantField();
     this.to = instantField();
     this.fields = this.form();
+    this.outcome = notice();
     this.summary = h("div", {});
     this.group = new PlotGroup({
       full: wholeOf(stream),
       signal: this.leaving.signal,
-      failed,
+      failed: (error) => this.outcome.fail(error),
       load: (from, to, pixels, abort) => this.load(from, to, pixels, abort),
       moved: () => this.fill(),
     });
@@ -47,13 +50,17 @@ export class PartPlots {
     this.element = h(
       "div",
       {},
-      h("h3", {}, "Signals in this part"),
-      this.summary,
+      this.outcome.place,
+      h(
+        "details",
+        { open: stream.signals.length <= SIGNALS_SHOWN },
+        h("summary", {}, "Signals in this part"),
+        this.summary,
+      ),
       this.group.toolbar,
       this.place,
       this.more,
     );
-    this.part = null;
   }
 
   leave() {
@@ -116,6 +123,7 @@ export class PartPlots {
     const points = pointsFor(this.stream.signals.length, pixels);
     /** @type {{ data: any }} */
     const { data } = await get(`${this.address}${query({ ...part, max_points: points })}`, abort);
+    this.outcome.clear();
     this.summarise(data.window ?? {}, points);
     return data.window ?? {};
   }

@@ -28,6 +28,7 @@ class StreamPage {
     this.facts = h("div", {});
     this.element = h("div", { hidden: true });
     this.plots = null;
+    this.lost = false;
   }
 
   async start() {
@@ -47,15 +48,28 @@ class StreamPage {
     return data;
   }
 
+  // A failure is shown until the stream can be read again.
+  async readOrSay() {
+    try {
+      const stream = await this.read();
+      if (this.lost) {
+        this.lost = false;
+        this.outcome.clear();
+      }
+      return stream;
+    } catch (error) {
+      this.lost = true;
+      this.outcome.fail(error);
+      return null;
+    }
+  }
+
   // A stream grows while it is looked at.
   async follow(stream) {
     let before = stream;
     for (;;) {
       await pause(POLL_MS, this.view.signal);
-      const now = await this.read().catch((error) => {
-        this.outcome.fail(error);
-        return before;
-      });
+      const now = (await this.readOrSay()) ?? before;
       if (now.first !== before.first || now.last !== before.last || now.samples !== before.samples) {
         before = now;
         this.plots ? this.plots.grow(now) : this.draw(now);
@@ -67,9 +81,7 @@ class StreamPage {
     this.element.hidden = false;
     this.plots?.leave();
     const { view } = this;
-    this.plots = stream.first
-      ? new PartPlots({ view, address: this.address, stream, failed: (error) => this.outcome.fail(error) })
-      : null;
+    this.plots = stream.first ? new PartPlots({ view, address: this.address, stream }) : null;
     const watch = `#/plant/monitors/new?stream=${encodeURIComponent(this.name)}`;
     this.element.replaceChildren(
       h(
@@ -106,7 +118,7 @@ class StreamPage {
     ];
   }
 
-  // The part as the API takes it; it ends before its `to`.
+  // Gives the part as the API takes it, which ends before its `to`.
   part() {
     const [from, to] = this.plots.chosen();
     return { from: isoBefore(from), to: isoAfter(to) };

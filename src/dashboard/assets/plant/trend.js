@@ -46,7 +46,7 @@ export function alarmSpans(alarms, windows, name) {
   });
 }
 
-// The range of all windows has room at its ends, and lasts a while where there is a single window.
+// The range of all windows has a little room at both ends.
 export function rangeOfWindows(windows) {
   const from = Math.min(...windows.map((window) => secondsOf(window.from)));
   const to = Math.max(...windows.map((window) => secondsOf(window.to)));

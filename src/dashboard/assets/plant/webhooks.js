@@ -142,6 +142,7 @@ export function showWebhook(view, id) {
     address: `/v1/webhooks/${id}/deliveries`,
     more: "Older deliveries",
     failed: (error) => outcome.fail(error),
+    recovered: () => outcome.clear(),
     draw: (rows) =>
       table(
         "Deliveries",

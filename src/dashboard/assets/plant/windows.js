@@ -6,18 +6,17 @@ import { trustBadge } from "../list/rows.js";
 import { PlotGroup } from "../plot/group.js";
 import { plot } from "../plot/plot.js";
 import { h, table } from "../shell/dom.js";
-import { quantity, timeSpan, unitText, withError, words } from "../shell/format.js";
+import { timeSpan, unitText, withError, words } from "../shell/format.js";
 import { stateBadge } from "./head.js";
 import { alarmSpans, estimateOf, parametersOf, rangeOfWindows, trendOf } from "./trend.js";
 
-const WINDOW_COLUMNS = [
+const FIRST_COLUMNS = [
   { title: "Window", numeric: true },
   { title: "Span" },
   { title: "State" },
-  { title: "Recording" },
   { title: "Trust" },
-  { title: "Search" },
 ];
+const LAST_COLUMNS = [{ title: "Search" }, { title: "Recording" }, { title: "Remark" }];
 
 // A search goes on from the estimate of the window before, or begins anew.
 const START_WORDS = { cold: "anew", warm: "went on" };
@@ -75,11 +74,12 @@ export class TrendPlots {
 export function windowTable(windows) {
   const parameters = parametersOf(windows);
   const columns = [
-    ...WINDOW_COLUMNS,
+    ...FIRST_COLUMNS,
     ...parameters.map(({ name, unit }) => ({
-      title: quantity(words(name), unit === "1" ? "" : `[${unitText(unit)}]`),
+      title: unit === "1" ? words(name) : `${words(name)} [${unitText(unit)}]`,
       numeric: true,
     })),
+    ...LAST_COLUMNS,
   ];
   return h(
     "div",
@@ -100,7 +100,10 @@ function windowRow(window, parameters) {
       ? h("a", { href: `#/jobs/${job}`, title: `Job of window ${number}` }, `job ${number}`)
       : String(number),
     timeSpan(from, to),
-    [stateBadge(status), reason ? h("span", { class: "quiet sentence" }, reason) : ""],
+    stateBadge(status),
+    trust ? trustBadge(trust) : "–",
+    ...parameters.map(({ name }) => estimateText(estimateOf(window, name))),
+    START_WORDS[start] ?? "–",
     dataset
       ? h(
           "a",
@@ -108,9 +111,7 @@ function windowRow(window, parameters) {
           `recording ${number}`,
         )
       : "–",
-    trust ? [trustBadge(trust), doubts.length ? ` ${doubts.map(words).join(", ")}` : ""] : "–",
-    START_WORDS[start] ?? "–",
-    ...parameters.map(({ name }) => estimateText(estimateOf(window, name))),
+    [reason, ...doubts.map(words)].filter(Boolean).join(", "),
   ];
 }
 
