@@ -125,6 +125,7 @@ test("a monitor is made by clicks, followed live, and leads to the job of a wind
   await (await labelled(page, "Worked only when")).select("drive_force");
   const share = await labelled(page, "moves by more than");
   assert.equal(await share.evaluate((input) => input.value), "20");
+  await (await labelled(page, "Standard deviation, kg")).type("0,5");
   await (await labelled(page, "Windows whose jobs are kept")).type("50");
   await page.keyboard.press("Tab");
   await press(page, "Start to watch");
@@ -132,6 +133,7 @@ test("a monitor is made by clicks, followed live, and leads to the job of a wind
   shared.monitor = await page.evaluate(() => location.hash.slice("#/plant/monitors/".length));
   const { spec } = await (await fetch(`${base}/v1/monitors/${shared.monitor}`)).json();
   assert.equal(spec.keep_jobs, 50);
+  assert.deepEqual(spec.drift, { mass: { std: 0.5, per_s: 86_400 } });
   assert.deepEqual(spec.only_when, { signal: "drive_force", moves_more_than: 0.2 });
   assert.deepEqual(spec.job.experiments[0].signals, { force: "drive_force", position: "position" });
 

@@ -12,7 +12,8 @@ const { duration, size } = await part("shell/format.js");
 const { fieldSeconds, fieldText, isoAfter, isoBefore, secondsOf, wholeOf } = await part("plant/instants.js");
 const { columnOf, pointsFor, summaryOf } = await part("plant/samples.js");
 const { alarmSpans, mergedWindows, parametersOf, rangeOfWindows, trendOf } = await part("plant/trend.js");
-const { likeMonitor, missingParts, searchedNames, signalsIn, templateOf } = await part("plant/plan.js");
+const { driftWith, likeMonitor, missingParts, searchedNames, signalsIn, templateOf } =
+  await part("plant/plan.js");
 const { matchingEntries, methodText } = await part("plant/entries.js");
 
 const NOON = secondsOf("2026-03-02T11:00:00Z");
@@ -212,6 +213,12 @@ test("the form knows what is looked for and what is still needed", () => {
   assert.deepEqual(missingParts({ stream: "rig", window: {} }), ["a job", "the length of a window"]);
   const like = likeMonitor({ stream: "rig", window: { length_s: 6, from: "2026-03-02T11:00:00Z" } });
   assert.deepEqual(like, { stream: "rig", window: { length_s: 6 } });
+});
+
+test("a drift is that of a day unless another time is said", () => {
+  assert.deepEqual(driftWith(undefined, 0.5), { per_s: 86_400, std: 0.5 });
+  assert.deepEqual(driftWith({ std: 0.5, per_s: 60 }, 2), { per_s: 60, std: 2 });
+  assert.equal(driftWith({ std: 0.5, per_s: 60 }, undefined), undefined);
 });
 
 test("entries of the audit log are searched by every word, by method and by outcome", () => {

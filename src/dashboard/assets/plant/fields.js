@@ -7,7 +7,7 @@ import { defaultAt } from "../shell/description.js";
 import { h } from "../shell/dom.js";
 import { number, numberOf, unitText, words } from "../shell/format.js";
 import { fieldSeconds, fieldText, isoBefore, secondsOf } from "./instants.js";
-import { searchedNames } from "./plan.js";
+import { driftWith, searchedNames } from "./plan.js";
 
 function part(title, hint, draw) {
   const place = h("div", {});
@@ -23,26 +23,27 @@ function part(title, hint, draw) {
 
 const valueAt = (spec, path) => path.reduce((value, key) => value?.[key], spec);
 
-// The field has the value at a path of the specification; `scale` turns it to the unit of the field.
-function numberField(page, title, path, { hint = "", scale = 1, size = "9", label = null } = {}) {
+// The field has the value at a path of the specification; `scale` turns it to the unit of the field, and
+// `put` takes a typed value where the path alone is not enough.
+function numberField(page, title, path, { hint = "", scale = 1, put = null } = {}) {
   const value = valueAt(page.spec, path);
   const input = h("input", {
     type: "text",
     inputmode: "decimal",
-    size,
+    size: "9",
     value: Number.isFinite(value) ? String(Number((scale * value).toPrecision(12))) : "",
     placeholder: hint,
-    "aria-label": label,
     onchange: () => {
       const typed = numberOf(input.value);
       const wrong = input.value.trim() !== "" && Number.isNaN(typed);
       wrong ? input.setAttribute("aria-invalid", "true") : input.removeAttribute("aria-invalid");
       if (!wrong) {
-        page.at(path, Number.isNaN(typed) ? undefined : typed / scale);
+        const typedValue = Number.isNaN(typed) ? undefined : typed / scale;
+        put ? put(typedValue) : page.at(path, typedValue);
       }
     },
   });
-  return title ? h("label", {}, title, input) : input;
+  return h("label", {}, title, input);
 }
 
 function choice(title, options, chosen, act) {
@@ -61,7 +62,7 @@ function choice(title, options, chosen, act) {
 export function choicePart(page) {
   return part("1. Stream and job", "Any job can be done again on each window of a stream.", () => {
     const streams = [...page.streams.keys()].map((name) => [name, name]);
-    const jobs = page.jobs.map(({ id, name, model }) => [id, `${name || id} (${model})`]);
+    const jobs = page.jobs.map((job) => [job.id, jobText(job)]);
     const kept = page.spec.job && !page.job ? `as it is (${page.spec.job.model})` : "– choose –";
     const name = h("input", {
       type: "text",
@@ -86,6 +87,10 @@ export function choicePart(page) {
         h("p", {}, "There is no job yet. ", h("a", { href: "#/new" }, "Make the first one"), "."),
     ];
   });
+}
+
+function jobText({ id, name, model, created_at: created }) {
+  return `${name || id} (${model}, ${new Date(created).toLocaleDateString()})`;
 }
 
 export function signalsPart(page) {
@@ -187,15 +192,21 @@ export function driftPart(page) {
   });
 }
 
+// The time is written into its field in place: the reader may be on the way to that field.
 function driftFields(page, { name, unit }) {
-  const field = (key, label) =>
-    numberField(page, label, ["drift", name, key], { hint: key === "std" ? "none" : "86400" });
+  const time = numberField(page, "in this time, s", ["drift", name, "per_s"], { hint: "a day" });
+  const put = (std) => {
+    const drift = driftWith(page.spec.drift?.[name], std);
+    page.at(["drift", name], drift);
+    time.querySelector("input").value = drift ? String(drift.per_s) : "";
+  };
+  const title = unit === "1" ? "Standard deviation" : `Standard deviation, ${unitText(unit)}`;
   return h(
     "fieldset",
     { class: "fields drift" },
     h("legend", {}, words(name)),
-    field("std", unit === "1" ? "Standard deviation" : `Standard deviation, ${unitText(unit)}`),
-    field("per_s", "in this time, s"),
+    numberField(page, title, ["drift", name, "std"], { hint: "none", put }),
+    time,
   );
 }
 

@@ -34,6 +34,8 @@ export class PartPlots {
     view.signal.addEventListener("abort", () => this.leave(), { once: true });
     this.from = instantField();
     this.to = instantField();
+    this.filled = "";
+    this.keepsFields = false;
     this.fields = this.form();
     this.outcome = notice();
     this.summary = h("div", {});
@@ -42,7 +44,7 @@ export class PartPlots {
       signal: this.leaving.signal,
       failed: (error) => this.outcome.fail(error),
       load: (from, to, pixels, abort) => this.load(from, to, pixels, abort),
-      moved: () => this.fill(),
+      moved: () => this.keepsFields || this.fill(),
     });
     this.names = stream.signals.map(({ name }) => name);
     this.place = h("div", {});
@@ -95,13 +97,20 @@ export class PartPlots {
     }
   }
 
-  // Takes a later state of the stream; plots of the whole stream then show what came.
+  // Takes a later state of the stream; plots of the whole stream then show what came. Fields in which
+  // the reader has typed stay as they are.
   grow(stream) {
     this.stream = stream;
     if (stream.first) {
+      this.keepsFields = this.typed() !== this.filled;
       this.group.full = wholeOf(stream);
       this.group.show(this.group.part);
+      this.keepsFields = false;
     }
+  }
+
+  typed() {
+    return `${this.from.value} ${this.to.value}`;
   }
 
   // Gives the part that the fields say, which the buttons beside them act on.
@@ -115,6 +124,7 @@ export class PartPlots {
     const [from, to] = this.group.part ?? this.group.full;
     this.from.value = fieldText(Math.floor(1000 * from) / 1000);
     this.to.value = fieldText(Math.ceil(1000 * to) / 1000);
+    this.filled = this.typed();
   }
 
   async load(from, to, pixels, abort) {

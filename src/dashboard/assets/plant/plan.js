@@ -37,6 +37,13 @@ export function searchedNames(model, job) {
     .map(({ about }) => about);
 }
 
+const DAY_S = 86_400;
+
+// A parameter drifts by a standard deviation in a time, in a day unless another time is said.
+export function driftWith(before, std) {
+  return std === undefined ? undefined : { per_s: DAY_S, ...before, std };
+}
+
 // Names what a specification still lacks, in the words of the form.
 export function missingParts(spec) {
   return [

@@ -142,7 +142,12 @@ class NewMonitor {
     redraws ? this.redraw() : this.tell();
   }
 
+  // A field that is being typed in reports its text before the form is drawn anew.
   redraw() {
+    const typed = document.activeElement;
+    if (typed instanceof HTMLInputElement && this.form.contains(typed)) {
+      typed.dispatchEvent(new Event("change"));
+    }
     keepingFocus(this.form, () => {
       for (const part of this.parts) {
         part.draw();
