@@ -131,7 +131,11 @@ fn embedded() -> impl IntoIterator<Item = Asset> { assets! {
         "parameters.js" "picture.js" "signals.js" "simulation.js" "sliders.js" "trial.js";
     "new": "draft.js" "fields.js" "job.css" "job.js" "measurement.js" "model.js" "parameters.js" "preflight.js"
         "recordings.js" "search.js" "trial.js";
-    "plot": "axes.js" "clock.js" "group.js" "math.js" "plot.css" "plot.js" "save.js" "theme.js" "units.js";
+    "plant": "access.js" "audit.js" "entries.js" "fields.js" "head.js" "instants.js" "monitor.js" "monitors.js"
+        "paged.js" "part.js" "plan.js" "plant.css" "samples.js" "stream.js" "streams.js" "trend.js" "watch.js"
+        "webhooks.js" "windows.js";
+    "plot": "axes.js" "clock.js" "group.js" "math.js" "plot.css" "plot.js" "save.js" "theme.js" "units.js"
+        "whiskers.js";
     "shell": "api.js" "description.js" "dom.js" "format.js" "icon.svg" "main.js" "prepared.js" "session.js"
         "style.css";
     "text": "document.js" "editor.js";

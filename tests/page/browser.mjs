@@ -72,3 +72,34 @@ export async function picture(page, name) {
     await page.screenshot({ path: path.join(pictures, `${name}.png`), fullPage: true });
   }
 }
+
+// Looks at a page of a size: lists what the accessibility checker finds, errors, and whether the page is
+// wider than the window, unless it may be.
+export async function faultsOf(name, address, { size, checker, mayBeWide = false }) {
+  const page = await open(address, size);
+  const where = `${name} ${size.width} ${size.scheme}`;
+  await page.waitForNetworkIdle({ idleTime: 400, timeout: 15_000, concurrency: 2 }).catch(() => {});
+  await page.evaluate(() =>
+    document.querySelectorAll("details").forEach((details) => {
+      details.open = !details.classList.contains("save");
+    }),
+  );
+  await page.waitForNetworkIdle({ idleTime: 300, timeout: 15_000, concurrency: 2 }).catch(() => {});
+  await picture(page, where.replaceAll(" ", "-"));
+  const wide = await page.evaluate(
+    () => document.documentElement.scrollWidth - document.documentElement.clientWidth,
+  );
+  const faults = wide > 0 && !mayBeWide ? [`${where}: ${wide} pixels too wide`] : [];
+  // The policy lets in no script but the page's own, so the checker comes in beside it.
+  await page.evaluate(checker);
+  const { violations } = await page.evaluate(() =>
+    globalThis.axe.run(document, { resultTypes: ["violations"] }),
+  );
+  for (const { id, nodes } of violations) {
+    const places = nodes.slice(0, 2).map(({ html }) => html.slice(0, 160));
+    faults.push(`${where}: ${id}: ${places.join(" | ")}`);
+  }
+  faults.push(...page.faults.map((fault) => `${where}: ${fault}`));
+  await page.close();
+  return faults;
+}

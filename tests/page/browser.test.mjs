@@ -10,6 +10,7 @@ import os from "node:os";
 import path from "node:path";
 import { after, before, test } from "node:test";
 import {
+  faultsOf,
   launch,
   open,
   PATIENCE,
@@ -458,32 +459,9 @@ test("every page is accessible, fits its width and makes no fault, in both schem
   for (const [name, address] of Object.entries(pages)) {
     // The reference is long, so it is checked once.
     for (const size of name === "reference" ? SIZES.slice(0, 1) : SIZES) {
-      const page = await open(address, size);
-      const where = `${name} ${size.width} ${size.scheme}`;
-      await page.waitForNetworkIdle({ idleTime: 400, timeout: 15_000, concurrency: 2 }).catch(() => {});
-      await page.evaluate(() =>
-        document.querySelectorAll("details").forEach((details) => {
-          details.open = !details.classList.contains("save");
-        }),
-      );
-      await page.waitForNetworkIdle({ idleTime: 300, timeout: 15_000, concurrency: 2 }).catch(() => {});
-      await picture(page, where.replaceAll(" ", "-"));
-      const wide = await page.evaluate(
-        () => document.documentElement.scrollWidth - document.documentElement.clientWidth,
-      );
       // The report is made for paper; on a phone it is scrolled.
-      wide > 0 && name !== "report" && faults.push(`${where}: ${wide} pixels too wide`);
-      // The policy lets in no script but the page's own, so the checker comes in beside it.
-      await page.evaluate(shared.checker);
-      const { violations } = await page.evaluate(() =>
-        globalThis.axe.run(document, { resultTypes: ["violations"] }),
-      );
-      for (const { id, nodes } of violations) {
-        const places = nodes.slice(0, 2).map(({ html }) => html.slice(0, 160));
-        faults.push(`${where}: ${id}: ${places.join(" | ")}`);
-      }
-      faults.push(...page.faults.map((fault) => `${where}: ${fault}`));
-      await page.close();
+      const mayBeWide = name === "report";
+      faults.push(...(await faultsOf(name, address, { size, checker: shared.checker, mayBeWide })));
     }
   }
   assert.deepEqual(faults, []);

@@ -10,7 +10,7 @@ import { fileURLToPath } from "node:url";
 const ASSETS = fileURLToPath(new URL("../../src/dashboard/assets/", import.meta.url));
 
 // Each folder may import the folders behind it.
-const FOLDERS = ["job", "new", "data", "compare", "list", "model", "plot", "text", "shell"];
+const FOLDERS = ["plant", "job", "new", "data", "compare", "list", "model", "plot", "text", "shell"];
 // The guides and the reference are pages by themselves, and the libraries are not ours.
 const APART = ["docs", "vendor"];
 

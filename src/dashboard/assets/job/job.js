@@ -174,6 +174,8 @@ function buttons(job, feed, outcome) {
   return [
     ...job.actions.map((action) => button(name(action), act(action))),
     job.kind !== "design" && h("a", { class: "button", href: `#/new?from=${job.id}` }, "Use as template"),
+    job.kind !== "design" &&
+      h("a", { class: "button", href: `#/plant/monitors/new?job=${job.id}` }, "Watch a stream"),
     job.kind !== "design" && isFinished(job) && button("Compare methods", () => compareMethods(job, outcome)),
     isFinished(job) && button("Delete", remove, "danger"),
   ].filter(Boolean);

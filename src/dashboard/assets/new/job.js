@@ -4,7 +4,7 @@
 // specification as JSON and follows it.
 
 import { MODEL_WORDS } from "../model/language.js";
-import { get, items, request } from "../shell/api.js";
+import { get, items, repeatKey, request } from "../shell/api.js";
 import { described } from "../shell/description.js";
 import { h, keepingFocus, notice } from "../shell/dom.js";
 import { prepared } from "../shell/prepared.js";
@@ -93,8 +93,7 @@ class NewJob {
     this.spec = spec;
     this.description = description;
     this.outcome = outcome;
-    this.key = null;
-    this.keyBody = null;
+    this.keyOf = repeatKey();
     this.text = new Editor({
       label: "Specification as JSON",
       signal: view.signal,
@@ -286,17 +285,6 @@ class NewJob {
     });
   }
 
-  // The same specification has the same idempotency key, however often the reader presses the button.
-  keyFor(body) {
-    if (body !== this.keyBody) {
-      this.keyBody = body;
-      this.key = Array.from(crypto.getRandomValues(new Uint8Array(16)), (byte) =>
-        byte.toString(16).padStart(2, "0"),
-      ).join("");
-    }
-    return this.key;
-  }
-
   async submit() {
     const body = JSON.stringify(this.spec);
     this.button.disabled = true;
@@ -304,7 +292,7 @@ class NewJob {
       const { data } = await request("POST", "/v1/jobs", {
         body,
         signal: this.view.signal,
-        headers: { "content-type": "application/json", "idempotency-key": this.keyFor(body) },
+        headers: { "content-type": "application/json", "idempotency-key": this.keyOf(body) },
       });
       location.hash = `/jobs/${data.id}`;
     } catch (error) {

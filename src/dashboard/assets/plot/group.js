@@ -10,22 +10,32 @@ const WAIT_MS = 90;
 export class PlotGroup {
   /**
    * `full` is the whole range. `load(from, to, pixels, signal)` reads a part; both ends are null for the
-   * whole range. `failed` is called with an error. `clock` is that of the recording, or null.
+   * whole range. `failed` is called with an error, `moved` with the part that is shown from now on. `clock`
+   * is that of the recording, or null.
    *
    * @param {{
    *   full: any,
    *   signal?: AbortSignal,
    *   failed?: (error: any) => void,
    *   clock?: ReturnType<typeof import("./clock.js").clockOf>,
+   *   moved?: (part: any) => void,
    *   load?: (from: number, to: number, pixels: number, abort: AbortSignal) => Promise<any>,
    * }} options
    */
-  constructor({ full = null, load = null, signal = null, failed = () => {}, clock = null }) {
+  constructor({
+    full = null,
+    load = null,
+    signal = null,
+    failed = () => {},
+    moved = () => {},
+    clock = null,
+  }) {
     this.clock = clock;
     this.full = full;
     this.load = load;
     this.signal = signal;
     this.failed = failed;
+    this.moved = moved;
     this.plots = new Set();
     this.takers = new Map();
     this.part = null;
@@ -81,6 +91,7 @@ export class PlotGroup {
     for (const plot of this.plots) {
       plot.show(this.part);
     }
+    this.moved(this.part);
     if (this.load) {
       clearTimeout(this.timer);
       this.timer = setTimeout(() => this.fetch(), WAIT_MS);

@@ -7,16 +7,20 @@
 //
 // set() takes a common x column and a column for each series, in SI; null is a gap. The pointer and the
 // arrow keys read the values. Dragging across, or + at the cursor, shows a part; a double click or
-// Escape shows all. Plots of the same `group` (see group.js) share cursor and part.
+// Escape shows all. Plots of the same `group` (see group.js) share cursor and part. An x with `clock` is
+// an instant in seconds since 1970. `whiskers` name the columns of the ends of intervals; a series with
+// `bare` is read and not drawn.
 
 import uPlot from "/assets/vendor/uplot-1.6.32.min.js";
 import { h, svg } from "../shell/dom.js";
 import { number, quantity } from "../shell/format.js";
 import { axis as axisOf, rangeOf } from "./axes.js";
+import { READER } from "./clock.js";
 import { nearest } from "./math.js";
 import { saveMenu } from "./save.js";
 import { colour, onTheme, spanColour, width } from "./theme.js";
 import { choices, onUnits, prefer, shownUnit, showsClock, toShown } from "./units.js";
+import { drawWhiskers } from "./whiskers.js";
 
 const CHARACTER = 7.2;
 const SPAN_WORDS = {
@@ -26,6 +30,7 @@ const SPAN_WORDS = {
   window: "used",
   excluded: "left out",
   event: "event",
+  alarm: "alarm",
 };
 
 export function plot(options) {
@@ -41,6 +46,7 @@ class Plot {
     height = 220,
     spans = [],
     bands = [],
+    whiskers = [],
     group = null,
     onBrush = null,
     signal = null,
@@ -52,6 +58,7 @@ class Plot {
     this.height = height;
     this.spans = spans;
     this.bands = bands;
+    this.whiskers = whiskers;
     this.group = group;
     this.onBrush = onBrush;
     this.xs = [];
@@ -114,8 +121,8 @@ class Plot {
   }
 
   legend() {
-    const lines =
-      this.series.length > 1 ? this.series.map(({ name, look }) => h("span", {}, swatch(look), name)) : [];
+    const drawn = this.series.filter(({ bare }) => !bare);
+    const lines = drawn.length > 1 ? drawn.map(({ name, look }) => h("span", {}, swatch(look), name)) : [];
     const kinds = [...new Set(this.spans.map(({ kind }) => kind))];
     const spans = kinds.map((kind) =>
       h("span", {}, h("i", { class: `swatch ${kind}` }), SPAN_WORDS[kind] ?? kind),
@@ -266,9 +273,9 @@ class Plot {
       ],
       series: [
         {},
-        ...this.series.map(({ look, step, dash, bars, dots, thin }) => ({
+        ...this.series.map(({ look, step, dash, bars, dots, bare, thin }) => ({
           stroke: () => colour(look),
-          width: dots ? 0 : thin ? 0.6 : width(look),
+          width: dots || bare ? 0 : thin ? 0.6 : width(look),
           dash: dash ?? (look === "faint" ? [6, 4] : undefined),
           spanGaps: false,
           fill: bars ? () => `${colour(look)}66` : undefined,
@@ -279,7 +286,7 @@ class Plot {
               : undefined,
           points: dots
             ? { show: true, size: 7, width: 1, stroke: () => colour(look), fill: () => colour(look) }
-            : bars
+            : bars || bare
               ? { show: false }
               : { show: (chart, _series, first, last) => last - first < chart.width / 12, size: 5 },
         })),
@@ -297,33 +304,23 @@ class Plot {
       },
       hooks: {
         drawClear: [(chart) => this.drawSpans(chart)],
+        draw: this.whiskers.map((whisker) => (chart) => drawWhiskers(chart, whisker)),
         setSelect: [(chart) => this.selected(chart)],
         setCursor: [(chart) => this.moved(chart)],
       },
     };
   }
 
-  // The axis along the bottom: of the clock of the recording, or of the numbers.
+  // The axis along the bottom: of the clock of the reader or of the recording, or of the numbers.
   across() {
     const { clock } = this;
-    const unit = this.x.unit ? ` [${this.x.unit}]` : "";
-    return clock
-      ? {
-          size: 44,
-          label: `${this.x.label} [${clock.zone}]`,
-          splits: (chart, _, from, to) => clock.ticks(from, to, Math.max(2, chart.width / 110)),
-          values: (chart, splits) => clock.texts(splits, chart.scales.x.min),
-        }
-      : {
-          size: 30,
-          label: `${this.x.label}${unit}`,
-          space: 70,
-          values: (_, splits) => splits.map((value) => number(value, 7)),
-        };
+    const unit = clock ? ` [${clock.zone}]` : this.x.unit ? ` [${this.x.unit}]` : "";
+    const axis = { size: 30, space: 70, values: (_, splits) => splits.map((value) => number(value, 7)) };
+    return { ...(clock?.axis() ?? axis), label: `${this.x.label}${unit}` };
   }
 
   get clock() {
-    return showsClock() ? (this.group?.clock ?? null) : null;
+    return this.x.clock ? READER : showsClock() ? (this.group?.clock ?? null) : null;
   }
 
   drawSpans(chart) {
@@ -399,12 +396,16 @@ class Plot {
       (column, k) => `${this.series[k].name} ${quantity(number(column[index], 5), this.unit.name)}`,
     );
     this.readout.textContent = [
-      `${this.x.label} ${quantity(number(this.xs[index], 7), this.x.unit)}`,
+      `${this.x.label} ${this.textOf(this.xs[index], 7)}`,
       this.group?.clock?.text(this.xs[index]),
       ...texts,
     ]
       .filter(Boolean)
       .join(" · ");
+  }
+
+  textOf(x, digits) {
+    return this.x.clock ? READER.text(x) : quantity(number(x, digits), this.x.unit);
   }
 
   key(event) {
@@ -459,11 +460,11 @@ class Plot {
     if (!rangeY || this.xs.length === 0) {
       return `${this.title}: no data yet`;
     }
-    const span = (/** @type {number[]} */ [low, high], unit) =>
-      `${number(low)} to ${quantity(number(high), unit)}`;
+    const [first, last] = this.extent();
+    const from = this.x.clock ? READER.text(first) : number(first);
     return (
-      `${this.title}. ${this.x.label} ${span(this.extent(), this.x.unit)}, ${this.y.label} ` +
-      `${span(rangeY, this.unit.name)}. Arrow keys read the values, + and − change the part that is shown, Escape shows all.` +
+      `${this.title}. ${this.x.label} ${from} to ${this.textOf(last, 4)}, ${this.y.label} ` +
+      `${number(rangeY[0])} to ${quantity(number(rangeY[1]), this.unit.name)}. Arrow keys read the values, + and − change the part that is shown, Escape shows all.` +
       (this.onBrush ? " [ and ] put the ends of the window at the cursor." : "")
     );
   }

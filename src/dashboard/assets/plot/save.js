@@ -4,6 +4,7 @@
 import { h } from "../shell/dom.js";
 import { escaped } from "../shell/format.js";
 import { axis, axisTitle, rangeOf } from "./axes.js";
+import { isoText } from "./clock.js";
 
 const SIZE = { width: 1000, height: 360, left: 80, right: 16, top: 34, bottom: 44 };
 const COLOURS = {
@@ -108,7 +109,7 @@ export function csvText(plot) {
   const rows = [head.map(quoted).join(",")];
   plot.xs.forEach((x, k) => {
     if (x >= from && x <= to) {
-      rows.push([x, ...plot.shown.map((column) => column[k] ?? "")].join(","));
+      rows.push([plot.x.clock ? isoText(x) : x, ...plot.shown.map((column) => column[k] ?? "")].join(","));
     }
   });
   return `${rows.join("\n")}\n`;
@@ -120,6 +121,8 @@ export function svgText(plot) {
   const seen = plot.shown.map((column) => column.filter((_, k) => inside[k]));
   const { width, height, left, right, top, bottom } = SIZE;
   const horizontal = axis([from, to], { steps: 8, tight: true });
+  /** @type {any[]} */
+  const ticks = plot.clock?.ticks([from, to], 8) ?? horizontal.ticks;
   const vertical = axis(rangeOf(seen, plot.y.log) ?? [0, 1], { log: plot.y.log, steps: 6 });
   const atX = (value) => left + horizontal.position(value) * (width - left - right);
   const atY = (value) => top + (1 - vertical.position(value)) * (height - top - bottom);
@@ -135,11 +138,12 @@ export function svgText(plot) {
       text(left - 6, atY(value) + 4, words, "end"),
     );
   }
-  for (const [value, words] of horizontal.ticks) {
-    parts.push(text(atX(value), height - bottom + 18, words, "middle"));
+  for (const [value, words] of ticks) {
+    parts.push(text(atX(value), height - bottom + 18, words.replace("\n", ", "), "middle"));
   }
+  const exponent = plot.clock ? 0 : horizontal.exponent;
   parts.push(
-    text(width - right, height - 6, axisTitle(plot.x.label, plot.x.unit ?? "", horizontal.exponent), "end"),
+    text(width - right, height - 6, axisTitle(plot.x.label, plot.x.unit ?? "", exponent), "end"),
     text(width - right, 18, axisTitle("", plot.unit.name, vertical.exponent).trim(), "end"),
   );
   plot.shown.forEach((column, k) => {

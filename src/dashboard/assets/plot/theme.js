@@ -39,6 +39,7 @@ export function spanColour(kind) {
     window: "first",
     excluded: "quiet",
     event: "simulated",
+    alarm: "bad",
   };
   return `${colour(colours[kind] ?? "quiet")}2b`;
 }

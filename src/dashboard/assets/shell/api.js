@@ -87,6 +87,21 @@ export function send(method, path, value, { signal, headers = {} } = {}) {
   return request(method, path, { body, signal, headers: { ...type, ...headers } });
 }
 
+// A body that comes again has the idempotency key that it had before, however often the reader presses the button.
+/** @returns {(body: string) => string} */
+export function repeatKey() {
+  let [key, of] = ["", null];
+  return (body) => {
+    if (body !== of) {
+      of = body;
+      key = Array.from(crypto.getRandomValues(new Uint8Array(16)), (byte) =>
+        byte.toString(16).padStart(2, "0"),
+      ).join("");
+    }
+    return key;
+  };
+}
+
 // Gives the list of a collection, whether it comes in pages or whole.
 /**
  * @template Item

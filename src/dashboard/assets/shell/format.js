@@ -83,20 +83,42 @@ export function duration(seconds) {
     return `${number(seconds, 3)} s`;
   }
   const minutes = Math.round(seconds / 60);
-  return minutes < 120 ? `${minutes} min` : `${Math.floor(minutes / 60)} h ${minutes % 60} min`;
+  if (minutes < 120) {
+    return `${minutes} min`;
+  }
+  const hours = Math.round(minutes / 60);
+  return hours < 72
+    ? `${Math.floor(minutes / 60)} h ${minutes % 60} min`
+    : `${Math.floor(hours / 24)} d ${hours % 24} h`;
+}
+
+// Writes a number of bytes in the largest unit that leaves it above one.
+export function size(bytes) {
+  const step = Math.min(3, Math.max(0, Math.floor(Math.log2(Math.max(bytes, 1)) / 10)));
+  return Number.isFinite(bytes)
+    ? `${number(bytes / 1024 ** step, 3)} ${["B", "KiB", "MiB", "GiB"][step]}`
+    : "–";
 }
 
 const INSTANT = new Intl.DateTimeFormat(undefined, { dateStyle: "medium", timeStyle: "short" });
 
-export function instant(text) {
+const MOMENT = new Intl.DateTimeFormat(undefined, { dateStyle: "medium", timeStyle: "medium" });
+
+// Writes an instant to the minute, or to the second where the second tells instants apart.
+export function instant(text, toTheSecond = false) {
   if (!text) {
     return "–";
   }
   const element = document.createElement("time");
   element.dateTime = text;
   element.title = text;
-  element.textContent = INSTANT.format(new Date(text));
+  element.textContent = (toTheSecond ? MOMENT : INSTANT).format(new Date(text));
   return element;
+}
+
+// Writes the span between two instants to the second; a day that both share stands once.
+export function timeSpan(from, to) {
+  return from && to ? MOMENT.formatRange(new Date(from), new Date(to)) : "–";
 }
 
 export function words(name) {

@@ -20,6 +20,15 @@ const VIEWS = [
   [/^\/models$/, () => import("../model/models.js"), "showModels"],
   [/^\/equations$/, () => import("../model/editor.js"), "showModelEditor"],
   [/^\/models\/([^/]+)$/, () => import("../model/models.js"), "showModel"],
+  [/^\/plant$/, () => import("../plant/monitors.js"), "showMonitors"],
+  [/^\/plant\/monitors\/new$/, () => import("../plant/watch.js"), "showNewMonitor"],
+  [/^\/plant\/monitors\/([^/]+)$/, () => import("../plant/monitor.js"), "showMonitor"],
+  [/^\/plant\/streams$/, () => import("../plant/streams.js"), "showStreams"],
+  [/^\/plant\/streams\/([^/]+)$/, () => import("../plant/stream.js"), "showStream"],
+  [/^\/plant\/webhooks$/, () => import("../plant/webhooks.js"), "showWebhooks"],
+  [/^\/plant\/webhooks\/([^/]+)$/, () => import("../plant/webhooks.js"), "showWebhook"],
+  [/^\/plant\/audit$/, () => import("../plant/audit.js"), "showAudit"],
+  [/^\/plant\/access$/, () => import("../plant/access.js"), "showAccess"],
   [/^\/new$/, () => import("../new/job.js"), "showNewJob"],
 ];
 
@@ -53,7 +62,9 @@ async function route() {
 }
 
 function markCurrent(path) {
-  for (const link of /** @type {NodeListOf<HTMLAnchorElement>} */ (document.querySelectorAll("nav a"))) {
+  for (const link of /** @type {NodeListOf<HTMLAnchorElement>} */ (
+    document.querySelectorAll("header nav a")
+  )) {
     const here = link.hash && path.startsWith(link.hash.slice(1));
     here ? link.setAttribute("aria-current", "page") : link.removeAttribute("aria-current");
   }

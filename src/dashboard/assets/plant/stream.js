@@ -1,0 +1,195 @@
+// @ts-check
+// The page of a single stream shows what it holds, plots of a chosen part, and what can be done with
+// the part: keep it as a recording, or take its samples out.
+
+import { download } from "../plot/save.js";
+import { get, pause, query, request, send } from "../shell/api.js";
+import { facts, h, notice } from "../shell/dom.js";
+import { count, duration, instant, size } from "../shell/format.js";
+import { nameHeading, plantHead } from "./head.js";
+import { isoAfter, isoBefore, secondsOf } from "./instants.js";
+import { PartPlots } from "./part.js";
+
+const POLL_MS = 5000;
+
+export function showStream(view, name) {
+  const page = new StreamPage(view, name);
+  nameHeading(plantHead(view, "/plant/streams", name), name);
+  view.root.append(page.outcome.place, page.element);
+  page.start();
+}
+
+class StreamPage {
+  constructor(view, name) {
+    this.view = view;
+    this.address = `/v1/streams/${encodeURIComponent(name)}`;
+    this.name = name;
+    this.outcome = notice();
+    this.facts = h("div", {});
+    this.element = h("div", { hidden: true });
+    this.plots = null;
+    this.lost = false;
+  }
+
+  async start() {
+    try {
+      const stream = await this.read();
+      this.draw(stream);
+      await this.follow(stream);
+    } catch (error) {
+      this.outcome.fail(error);
+    }
+  }
+
+  async read() {
+    /** @type {{ data: any }} */
+    const { data } = await get(this.address, this.view.signal);
+    this.facts.replaceChildren(factsOf(data));
+    return data;
+  }
+
+  // A failure is shown until the stream can be read again.
+  async readOrSay() {
+    try {
+      const stream = await this.read();
+      if (this.lost) {
+        this.lost = false;
+        this.outcome.clear();
+      }
+      return stream;
+    } catch (error) {
+      this.lost = true;
+      this.outcome.fail(error);
+      return null;
+    }
+  }
+
+  // A stream grows while it is looked at.
+  async follow(stream) {
+    let before = stream;
+    for (;;) {
+      await pause(POLL_MS, this.view.signal);
+      const now = (await this.readOrSay()) ?? before;
+      if (now.first !== before.first || now.last !== before.last || now.samples !== before.samples) {
+        before = now;
+        this.plots ? this.plots.grow(now) : this.draw(now);
+      }
+    }
+  }
+
+  draw(stream) {
+    this.element.hidden = false;
+    this.plots?.leave();
+    const { view } = this;
+    this.plots = stream.first ? new PartPlots({ view, address: this.address, stream }) : null;
+    const watch = `#/plant/monitors/new?stream=${encodeURIComponent(this.name)}`;
+    this.element.replaceChildren(
+      h(
+        "div",
+        { class: "actions" },
+        h("a", { class: "button", href: watch }, "Watch it with a monitor"),
+        h(
+          "button",
+          { type: "button", class: "danger", onclick: () => this.removeStream() },
+          "Delete the stream",
+        ),
+      ),
+      this.facts,
+      ...(this.plots ? this.partOf(this.plots) : [h("p", {}, "It has no samples.")]),
+    );
+    this.plots?.start();
+  }
+
+  partOf(plots) {
+    const name = h("input", { type: "text", maxlength: "200", placeholder: `${this.name}, part` });
+    const button = (title, act, look) => h("button", { type: "button", class: look, onclick: act }, title);
+    return [
+      h("h2", {}, "A part of it"),
+      plots.fields,
+      h(
+        "div",
+        { class: "panel fields" },
+        h("label", {}, "Name of the recording", name),
+        button("Cut a recording from this part", () => this.cut(name.value.trim())),
+        button("Download the part as CSV", () => this.saveCsv()),
+        button("Remove these samples", () => this.removePart(), "danger"),
+      ),
+      plots.element,
+    ];
+  }
+
+  // Gives the part as the API takes it, which ends before its `to`.
+  part() {
+    const [from, to] = this.plots.chosen();
+    return { from: isoBefore(from), to: isoAfter(to) };
+  }
+
+  async attempt(act) {
+    try {
+      this.outcome.clear();
+      await act();
+    } catch (error) {
+      this.outcome.fail(error);
+      this.outcome.place.scrollIntoView({ block: "nearest" });
+    }
+  }
+
+  cut(name) {
+    return this.attempt(async () => {
+      const { data } = await send("POST", `${this.address}/recordings`, {
+        ...(name ? { name } : {}),
+        ...this.part(),
+      });
+      location.hash = `/datasets/${data.id}`;
+    });
+  }
+
+  saveCsv() {
+    return this.attempt(async () => {
+      const { data } = await request("GET", `${this.address}${query(this.part())}`, {
+        headers: { accept: "text/csv" },
+        signal: this.view.signal,
+      });
+      download(new Blob([data], { type: "text/csv" }), `${this.name}.csv`);
+    });
+  }
+
+  removePart() {
+    return this.attempt(async () => {
+      const { from, to } = this.part();
+      const [first, end] = [from, to].map((text) => new Date(text).toLocaleString());
+      if (!confirm(`Remove the samples of ${this.name} from ${first} until ${end}? They do not come back.`)) {
+        return;
+      }
+      const { data } = await send("DELETE", `${this.address}/samples${query({ from, to })}`);
+      this.draw(await this.read());
+      this.outcome.show(h("p", { role: "status" }, `${count(data.removed)} samples were removed.`));
+    });
+  }
+
+  removeStream() {
+    return this.attempt(async () => {
+      if (confirm(`Delete the stream ${this.name} with all its samples?`)) {
+        await send("DELETE", this.address);
+        location.hash = "/plant/streams";
+      }
+    });
+  }
+}
+
+function factsOf(stream) {
+  const { first, last } = stream;
+  const keptFor = stream.keep_s === null ? "" : `${duration(stream.keep_s)}, and `;
+  return facts([
+    ["From", first && instant(first, true)],
+    ["To", last && instant(last, true)],
+    ["Span", first && duration(secondsOf(last) - secondsOf(first))],
+    ["Samples", count(stream.samples)],
+    ["Signals", count(stream.signals.length)],
+    ["Size", size(stream.bytes)],
+    ["Kept", `${keptFor}at most ${stream.keep_mib} MiB`],
+    ["Zone of its source", stream.zone],
+    ["First batch", instant(stream.created_at)],
+    ["Last batch", instant(stream.received_at)],
+  ]);
+}

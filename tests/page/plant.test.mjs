@@ -1,0 +1,293 @@
+// The tests use the pages about the plant in a browser, against a running server: a stream is filled and
+// watched, events are delivered, and the audit log is read.
+//
+// The server delivers to mes.plant.example (--webhook-to), which no host ever is. The variables that name
+// the server and the browser are described in server.mjs and browser.mjs.
+
+import assert from "node:assert/strict";
+import { after, before, test } from "node:test";
+import { faultsOf, launch, open, PATIENCE, SIZES, says, text, tools } from "./browser.mjs";
+import { base, ended, JOB, post, recording } from "./server.mjs";
+
+const skip = base && tools ? false : "GREYBOX_URL and PAGE_TOOLS are not set";
+const WINDOW_S = 6;
+const RECEIVER = `https://mes.plant.example/greybox/${Date.now()}`;
+// The tests share the browser, the samples of a window, a stream, and what they make.
+const shared = {
+  browser: null,
+  checker: null,
+  rows: [],
+  stream: `rig-${Date.now()}`,
+  begin: Date.now() - 3_600_000,
+  job: null,
+  monitor: null,
+};
+
+// Each window of the stream has the samples of one recording.
+function windowsCsv(numbers) {
+  const rows = numbers.flatMap((number) =>
+    shared.rows.map(([time, ...values]) => {
+      const instant = new Date(shared.begin + 1000 * (number * WINDOW_S + Number(time)));
+      return [instant.toISOString(), ...values].join(",");
+    }),
+  );
+  return `time,drive_force [N],position [m]\n${rows.join("\n")}\n`;
+}
+
+const fill = (...numbers) => post(`/v1/streams/${shared.stream}`, windowsCsv(numbers), "text/csv");
+
+before(async () => {
+  if (skip) {
+    return;
+  }
+  Object.assign(shared, await launch());
+  const csv = await recording();
+  shared.rows = csv
+    .trim()
+    .split("\n")
+    .slice(1)
+    .map((row) => row.split(","));
+  const { id: dataset } = await post("/v1/datasets?name=drive", csv, "text/csv");
+  shared.job = (await post("/v1/jobs", { ...JOB(dataset, "cma_es"), name: `watched ${shared.stream}` })).id;
+  assert.equal((await ended(shared.job)).status, "succeeded");
+  await fill(0, 1, 2);
+});
+
+after(() => shared.browser?.close());
+
+async function press(page, words) {
+  const selector = `::-p-xpath(//*[self::a or self::button or self::summary][contains(., '${words}')])`;
+  await (await page.waitForSelector(selector, { ...PATIENCE, visible: true })).click();
+}
+
+const labelled = (page, words) =>
+  page.waitForSelector(
+    `::-p-xpath(//label[contains(., '${words}')]//*[self::input or self::select])`,
+    PATIENCE,
+  );
+
+test("a stream is looked at in parts, cut, and samples are taken out of it", { skip }, async () => {
+  const page = await open("/#/plant/streams");
+  page.on("dialog", (dialog) => dialog.accept());
+  await press(page, shared.stream);
+  await says(page, "Signals in this part");
+  await page.waitForSelector(".surface:not(.empty) canvas", PATIENCE);
+  assert.match(await text(page, ".facts"), /1.800/);
+  const rows = await page.$$eval("[aria-label='Signals in this part'] tbody tr", (all) =>
+    all.map((row) => row.innerText),
+  );
+  assert.match(rows[0], /drive force\s+N\s+N\s+−8[45]/);
+
+  // The part is chosen in the fields; plots, table and buttons follow it.
+  const setInstant = async (words, seconds) =>
+    (await labelled(page, words)).evaluate(
+      (input, instant) => {
+        const local = new Date(instant - 60_000 * new Date(instant).getTimezoneOffset());
+        input.value = local.toISOString().replace("Z", "");
+      },
+      shared.begin + 1000 * seconds,
+    );
+  await setInstant("From", 12);
+  const read = page.waitForResponse((response) => response.url().includes("max_points"), PATIENCE);
+  await press(page, "Show this part");
+  const { window } = await (await read).json();
+  assert.ok(window.samples.time_s.length >= 600 && window.samples.time_s.length < 700);
+  await (await labelled(page, "Name of the recording")).type("last window");
+  await press(page, "Cut a recording");
+  await page.waitForFunction(() => location.hash.startsWith("#/datasets/ds_"), PATIENCE);
+  await says(page, "last window");
+  assert.match(await text(page, ".facts"), /600/);
+
+  await page.goBack();
+  await says(page, "Signals in this part");
+  await setInstant("From", 12);
+  await press(page, "Remove these samples");
+  await says(page, "600 samples were removed");
+  assert.match(await text(page, ".facts"), /1.200/);
+  assert.deepEqual(page.faults, []);
+  await page.close();
+  await fill(2);
+});
+
+test("a monitor is made by clicks, followed live, and leads to the job of a window", { skip }, async () => {
+  const page = await open("/#/plant/streams");
+  page.on("dialog", (dialog) => dialog.accept());
+  await press(page, shared.stream);
+  await press(page, "Watch it with a monitor");
+  await says(page, "Still needed");
+  await (await labelled(page, "Job to do")).select(shared.job);
+  await page.waitForFunction(
+    () => [...document.querySelectorAll("select")].some(({ value }) => value === "drive_force"),
+    PATIENCE,
+  );
+  await (await labelled(page, "Name of the monitor")).type("drive, watched");
+  await (await labelled(page, "Length of a window")).type(String(WINDOW_S));
+  await (await labelled(page, "Worked only when")).select("drive_force");
+  const share = await labelled(page, "moves by more than");
+  assert.equal(await share.evaluate((input) => input.value), "20");
+  await (await labelled(page, "Standard deviation, kg")).type("0,5");
+  await (await labelled(page, "Windows whose jobs are kept")).type("50");
+  await page.keyboard.press("Tab");
+  await press(page, "Start to watch");
+  await page.waitForFunction(() => location.hash.startsWith("#/plant/monitors/mon_"), PATIENCE);
+  shared.monitor = await page.evaluate(() => location.hash.slice("#/plant/monitors/".length));
+  const { spec } = await (await fetch(`${base}/v1/monitors/${shared.monitor}`)).json();
+  assert.equal(spec.keep_jobs, 50);
+  assert.deepEqual(spec.drift, { mass: { std: 0.5, per_s: 86_400 } });
+  assert.deepEqual(spec.only_when, { signal: "drive_force", moves_more_than: 0.2 });
+  assert.deepEqual(spec.job.experiments[0].signals, { force: "drive_force", position: "position" });
+
+  // Two windows are worked at once, and the third when samples beyond its end have come.
+  const worked = "[aria-label='Windows'] tbody a[href^='#/jobs/']";
+  const reached = (count) =>
+    page.waitForFunction(
+      (links, least) => document.querySelectorAll(links).length >= least,
+      PATIENCE,
+      worked,
+      count,
+    );
+  await reached(2);
+  await says(page, "Waits for window 2");
+  await fill(3);
+  await reached(3);
+  await page.waitForFunction(
+    () =>
+      [...document.querySelectorAll("[aria-label='Windows'] tbody tr")].filter((row) =>
+        row.innerText.includes("estimated"),
+      ).length >= 3,
+    PATIENCE,
+  );
+  const plots = await page.$$eval(".surface[role=application]", (all) =>
+    all.map((surface) => surface.getAttribute("aria-label")),
+  );
+  assert.ok(
+    plots.some((label) => /^mass\. time .*mass 9\d/.test(label)),
+    plots.join("\n"),
+  );
+  await page.click(worked);
+  await page.waitForFunction(() => location.hash.startsWith("#/jobs/job_"), PATIENCE);
+  await page.waitForSelector(".verdict .grade", PATIENCE);
+  assert.match(await text(page, "h1"), /drive, watched, window 2/);
+  assert.deepEqual(page.faults, []);
+  await page.close();
+});
+
+test("a monitor is moved to another window and made again like itself", { skip }, async () => {
+  const page = await open(`/#/plant/monitors/${shared.monitor}`);
+  await press(page, "Go on with another window");
+  const field = await labelled(page, "The next window is the first from");
+  await field.evaluate(
+    (input, instant) => {
+      const local = new Date(instant - 60_000 * new Date(instant).getTimezoneOffset());
+      input.value = local.toISOString().replace("Z", "");
+    },
+    shared.begin + 1000 * 10 * WINDOW_S,
+  );
+  await press(page, "Move");
+  await says(page, "Waits for window 10");
+  await press(page, "Use as template");
+  await says(page, "as it is (positioning_drive)");
+  const length = await labelled(page, "Length of a window");
+  assert.equal(await length.evaluate((input) => input.value), String(WINDOW_S));
+  await press(page, "The specification as text");
+  const editor = await page.waitForSelector(".editor", PATIENCE);
+  const spec = JSON.parse(await editor.evaluate((element) => element.getText()));
+  assert.equal(spec.stream, shared.stream);
+  assert.deepEqual(page.faults, []);
+  await page.close();
+});
+
+test("a webhook is made, shows its secret once and what becomes of deliveries, and is deleted", {
+  skip,
+}, async () => {
+  const page = await open("/#/plant/webhooks");
+  page.on("dialog", (dialog) => dialog.accept());
+  await (await labelled(page, "Address that events are sent to")).type(RECEIVER);
+  await (await labelled(page, "monitor.alarm")).click();
+  await press(page, "Make the webhook");
+  const secret = await page.waitForSelector("input.secret", PATIENCE);
+  assert.match(await secret.evaluate((input) => input.value), /^whsec_/);
+  const row = `::-p-xpath(//tr[contains(., '${RECEIVER}')])`;
+  await page.waitForSelector(row, PATIENCE);
+  assert.match(await text(page, row), /greybox.*job\.ended/);
+  assert.doesNotMatch(await text(page, row), /monitor\.alarm/);
+  await press(page, RECEIVER);
+  await says(page, "Nothing was to be delivered yet.");
+  const { spec } = await (await fetch(`${base}/v1/jobs/${shared.job}`)).json();
+  const { id } = await post("/v1/jobs", { ...spec, name: "told of" });
+  await ended(id);
+  const delivery = "[aria-label='Deliveries'] tbody tr";
+  await page.waitForSelector(`${delivery} a[href='#/jobs/${id}']`, PATIENCE);
+  assert.match(await text(page, delivery), /job\.ended.*told of.*waiting/s);
+  await press(page, "Resend");
+  await says(page, "The delivery is sent again.");
+  await press(page, "Delete this webhook");
+  await page.waitForFunction(() => location.hash === "#/plant/webhooks", PATIENCE);
+  await says(page, "Webhooks of the project");
+  await page.waitForNetworkIdle({ idleTime: 300 });
+  assert.equal(await page.$(row), null);
+  assert.deepEqual(page.faults, []);
+  await page.close();
+});
+
+test("the audit log shows a refusal and is searched", { skip }, async () => {
+  const refused = await fetch(`${base}/v1/webhooks`, {
+    method: "POST",
+    headers: { "content-type": "application/json" },
+    body: JSON.stringify({ url: "http://10.1.2.3/inside" }),
+  });
+  assert.equal(refused.status, 403);
+  const page = await open("/#/plant/audit");
+  const rows = "[aria-label='Entries'] tbody tr";
+  await page.waitForSelector(rows, PATIENCE);
+  await (await labelled(page, "Search in what was read")).type("webhooks 403");
+  await page.waitForFunction(
+    (all) => [...document.querySelectorAll(all)].every((row) => row.innerText.includes("/v1/webhooks")),
+    PATIENCE,
+    rows,
+  );
+  assert.match(await text(page, rows), /unknown.*POST.*403/s);
+  await (await labelled(page, "Search in what was read")).type(" nobody-like-this");
+  await says(page, "No entry is like this.");
+  assert.deepEqual(page.faults, []);
+  await page.close();
+});
+
+test("every page about the plant is accessible, fits its width and makes no fault", { skip }, async () => {
+  const { id: webhook } = await post("/v1/webhooks", { url: RECEIVER });
+  const pages = {
+    monitors: "/#/plant",
+    monitor: `/#/plant/monitors/${shared.monitor}`,
+    new_monitor: `/#/plant/monitors/new?job=${shared.job}&stream=${shared.stream}`,
+    streams: "/#/plant/streams",
+    stream: `/#/plant/streams/${shared.stream}`,
+    webhooks: "/#/plant/webhooks",
+    webhook: `/#/plant/webhooks/${webhook}`,
+    audit: "/#/plant/audit",
+    access: "/#/plant/access",
+  };
+  const faults = [];
+  for (const [name, address] of Object.entries(pages)) {
+    for (const size of [...SIZES, { width: 1920, height: 1080, scheme: "light" }]) {
+      faults.push(...(await faultsOf(`plant ${name}`, address, { size, checker: shared.checker })));
+    }
+  }
+  await fetch(`${base}/v1/webhooks/${webhook}`, { method: "DELETE" });
+  assert.deepEqual(faults, []);
+});
+
+test("a monitor is ended, and then the stream can go", { skip }, async () => {
+  const page = await open(`/#/plant/monitors/${shared.monitor}`);
+  page.on("dialog", (dialog) => dialog.accept());
+  await press(page, "End this monitor");
+  await page.waitForFunction(() => location.hash === "#/plant", PATIENCE);
+  await page.evaluate((stream) => {
+    location.hash = `/plant/streams/${stream}`;
+  }, shared.stream);
+  await press(page, "Delete the stream");
+  await page.waitForFunction(() => location.hash === "#/plant/streams", PATIENCE);
+  const gone = await fetch(`${base}/v1/streams/${shared.stream}`);
+  assert.equal(gone.status, 404);
+  assert.deepEqual(page.faults, []);
+  await page.close();
+});
