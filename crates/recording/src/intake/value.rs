@@ -114,6 +114,8 @@ pub(super) fn is_in_thousands(text: &str, separator: char) -> bool {
 pub(super) fn with_unit(text: &str) -> Option<(&str, &str)> {
     let (number, unit) = text.split_at(text.find([' ', '%', '°'])?);
     let unit = unit.trim();
-    let is_number = number.ends_with(|c: char| c.is_ascii_digit() || matches!(c, '.' | ','));
-    (is_number && units::parse(unit).is_some() && !unit.is_empty()).then_some((number, unit))
+    let is_digit = |c: char| c.is_ascii_digit();
+    let is_number = number.trim_start_matches(['-', '+']).starts_with(is_digit)
+        && number.trim_end_matches(['.', ',']).ends_with(is_digit);
+    (is_number && !unit.is_empty() && units::parse(unit).is_some()).then_some((number, unit))
 }

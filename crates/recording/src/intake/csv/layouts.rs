@@ -2,6 +2,7 @@
 
 use crate::intake::{self, MediaKind, Options, ReadError};
 use crate::{Recording, TimeAxis};
+use proptest::prelude::*;
 use std::fmt::Write as _;
 
 fn read(text: &str, options: &[(&str, &str)]) -> Result<Recording, ReadError> {
@@ -362,5 +363,46 @@ fn units_of_many_trades_are_known() {
     ] {
         let recording = parse(&format!("t,a [{unit}]\n0,1\n1,2\n"));
         assert_eq!(recording.signals[0].recorded_unit, unit);
+    }
+}
+
+/// Fields of which layouts are made.
+const FIELDS: [&str; 20] = [
+    "",
+    "Time",
+    "Date",
+    "PT",
+    "ms",
+    "s",
+    "bar",
+    "Unit",
+    "#",
+    "# a",
+    "0",
+    "1",
+    "1.5",
+    "\"1,5\"",
+    "5 bar",
+    "2026-03-02",
+    "02.03.2026 08:15:00",
+    "08:15:00",
+    "0 days 00:00:01",
+    "PT [bar]",
+];
+
+proptest! {
+    #![proptest_config(ProptestConfig::with_cases(500))]
+    #[test]
+    fn no_layout_makes_the_reader_panic(
+        rows in prop::collection::vec(prop::collection::vec(prop::sample::select(&FIELDS[..]), 0..5), 0..12),
+    ) {
+        let text: String = rows.iter().map(|row| row.join(",") + "\n").collect();
+        for options in [&[][..], &[("tz", "UTC"), ("time_unit", "s")]] {
+            let times = read(&text, options).map(|recording| recording.time);
+            let instants = times.iter().flat_map(|time| (0..time.samples()).map(|k| time.instant(k)));
+            let instants: Vec<f64> = instants.collect();
+            prop_assert!(instants.windows(2).all(|pair| pair[0] < pair[1]), "{text}");
+            prop_assert!(instants.first().is_none_or(|first| *first == 0.0), "{text}");
+        }
     }
 }

@@ -3,7 +3,8 @@
 //! A header row names the columns and their units: `time [s],reference [m],position [mm]`. One
 //! column, the first unless [`Options::time`] names another, is the time (`clock`). An
 //! empty field and `NaN` are missing samples. Comma, semicolon or tab is told from the header; empty
-//! rows and empty fields at the ends of lines are understood.
+//! rows and empty fields at the ends of lines are understood. Lines above the titles, a row of units, a time in
+//! several columns and titles that come again are put right first (`shape`), for every kind of table.
 //!
 //! Of a text with a column for each signal (`table`) memory holds the values (eight bytes each)
 //! or, where there is a scratch, a few MiB of them; never the text. Those with a row for each sample

@@ -112,19 +112,21 @@ impl TopRows {
 
     /// The row of titles and that of units above the first row of data, or all rows that may be that of titles.
     fn titles(&self, first: usize) -> Result<(usize, Option<usize>), Vec<usize>> {
-        let may_be = |k: &usize| self.is_titles(*k) || is_units(&self.rows[*k]);
-        let all = || (0..first).filter(may_be);
+        let may_be = (0..first).map(|k| self.is_titles(k) || is_units(&self.rows[k]));
+        let may_be: Vec<bool> = may_be.collect();
+        let all = || (0..first).filter(|k| may_be[*k]);
         let Some(last) = all().rfind(|k| !self.is_comment(*k)) else {
             return all().next_back().map(|k| (k, None)).ok_or_else(Vec::new);
         };
-        let block = (0..=last)
-            .rev()
-            .take_while(|k| may_be(k) && !self.is_comment(*k));
+        let block = (0..=last).rev();
+        let block = block.take_while(|k| may_be[*k] && !self.is_comment(*k));
         let mut block: Vec<usize> = block.collect();
         block.reverse();
         block.dedup_by(|later, earlier| self.rows[*later] == self.rows[*earlier]);
-        let units = block.iter().rfind(|k| is_units(&self.rows[**k])).copied();
-        let units = units.filter(|_| block.len() > 1);
+        let units = match block.len() {
+            1 => None,
+            _ => block.iter().rfind(|k| is_units(&self.rows[**k])).copied(),
+        };
         block.retain(|k| Some(*k) != units);
         match block[..] {
             [titles] => Ok((titles, units)),
@@ -151,16 +153,10 @@ fn is_units(row: &[String]) -> bool {
             .filter(|field| !field.is_empty())
     };
     let is_unit = |field: &&str| units::parse(field).is_some() || stamp::is_pattern(field);
-    let is_word = |field: &str| {
-        field
-            .chars()
-            .any(|c| c.is_alphabetic() || c == '%' || c == '°')
-    };
-    let units = filled().filter(is_unit).count();
-    units > 0
-        && 2 * units >= filled().count()
-        && filled().any(is_word)
+    let is_word = |field: &str| field.contains(|c: char| c.is_alphabetic() || c == '%' || c == '°');
+    filled().any(is_word)
         && filled().all(|field| field == "1" || !is_data(field))
+        && 2 * filled().filter(is_unit).count() >= filled().count()
 }
 
 impl Shape {

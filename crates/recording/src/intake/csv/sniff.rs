@@ -197,17 +197,16 @@ fn shape_of(text: &[u8]) -> (u8, Shape) {
             .map(|field| String::from_utf8_lossy(field).trim().to_owned());
         fields.collect::<Vec<String>>()
     };
-    let described = described(&first.iter().take(2).map(words).collect::<Vec<_>>());
     let plain = (likely, Shape::plain(&first));
-    if described.is_some() {
+    if described(&first.iter().take(2).map(words).collect::<Vec<_>>()).is_some() {
         return plain;
     }
-    let all = [likely, b'\t', b';', b','].map(|delimiter| {
-        let shape = Shape::of(&first_rows(text, delimiter));
-        shape.map(|shape| (delimiter, shape))
-    });
-    // Of several with as many columns the last is taken, which is the likely one.
-    let best = all.into_iter().rev().flatten();
+    let unlikely = [b',', b';', b'\t'].into_iter();
+    let unlikely = unlikely.filter(|delimiter| *delimiter != likely && text.contains(delimiter));
+    let unlikely = unlikely.map(|delimiter| (delimiter, Shape::of(&first_rows(text, delimiter))));
+    // Of several with as many columns the last is taken.
+    let all = unlikely.chain([(likely, Shape::of(&first))]);
+    let best = all.filter_map(|(delimiter, shape)| Some((delimiter, shape?)));
     best.max_by_key(|(_, shape)| shape.columns())
         .unwrap_or(plain)
 }
