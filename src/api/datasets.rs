@@ -93,7 +93,7 @@ pub struct ReadingQuery {
     pub time: Option<String>,
     /// How the body is written, where that is not told from its type and its first lines:
     /// `wide_csv`, `long_csv`, `paired_csv`, `senseye`, `simulink_csv`, `influx_csv`,
-    /// `influx_line_protocol`, `pi_web_api`, `omf`, `aveva_odata`, `aveva_sql`, `canary`, `ignition`, `opc_ua_json`, `cognite`,
+    /// `influx_line_protocol`, `influx_json`, `pi_web_api`, `omf`, `aveva_odata`, `aveva_sql`, `canary`, `ignition`, `opc_ua_json`, `cognite`,
     /// `pandas_records`, `pandas_split`, `pandas_table`, `excel`, `parquet` or `json`.
     #[param(schema_with = formats)]
     pub format: Option<String>,

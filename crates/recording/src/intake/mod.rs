@@ -1,8 +1,8 @@
 //! Reading recordings: a file for each format that plants write.
 //!
-//! A source, which gzip may have packed (`gzip`), is text (`encoding`) in one of several formats ([`format`]), told by its media type and
-//! its first lines or named by an option (`options`). Cells (`cell`) become times (`clock`),
-//! SI values ([`column`], [`units`]) and classes of quality (`quality`).
+//! A source, which gzip may have packed (`gzip`), is text (`encoding`) in one of several formats
+//! ([`format`]), told by its media type and its first lines or named by an option (`options`). Cells
+//! (`cell`) become times (`clock`), SI values ([`column`], [`units`]) and classes of quality (`quality`).
 //!
 //! A CSV with a column for each signal goes straight into a recording, however long it is; so do the
 //! rows of workbooks and of Parquet (`binary`, by the features `excel` and `parquet`), which are
