@@ -58,11 +58,15 @@ pub struct Dataset {
 
 impl From<&DatasetRow> for Dataset {
     fn from(row: &DatasetRow) -> Self {
+        let mut summary = row.summary.clone();
+        for signal in &mut summary.signals {
+            signal.conversion = intake::conversion(&signal.recorded_unit);
+        }
         Self {
             id: row.id,
             name: row.name.clone(),
             digest: row.digest.clone(),
-            summary: row.summary.clone(),
+            summary,
             created_at: row.created_at,
         }
     }

@@ -1,6 +1,5 @@
 //! What a recording holds, in a few numbers.
 
-use super::intake::units;
 use super::profile::SignalProfile;
 use super::quality::{self, QualityReport};
 use super::rows::RowSample;
@@ -53,7 +52,8 @@ pub struct SignalSummary {
     pub unit: String,
     /// The unit as it was recorded.
     pub recorded_unit: String,
-    /// How values in the unit as it was recorded become SI; absent where no unit was said.
+    /// How values in the unit as it was recorded become SI, where whoever shows the summary says so; absent where no
+    /// unit was said.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     #[schema(nullable = false)]
     pub conversion: Option<Conversion>,
@@ -200,7 +200,7 @@ fn of_signal(signal: &NamedSignal, profile: &SignalProfile, samples: usize) -> S
         name: signal.name.clone(),
         unit: signal.unit.clone(),
         recorded_unit: signal.recorded_unit.clone(),
-        conversion: conversion_of(&signal.recorded_unit),
+        conversion: None,
         interpolation: signal.interpolation,
         quality: (!counts.all_good()).then_some(counts),
         missing: profile.missing,
@@ -208,14 +208,6 @@ fn of_signal(signal: &NamedSignal, profile: &SignalProfile, samples: usize) -> S
         max: values.map(|values| values.max.value),
         mean: values.map(|values| values.mean),
     }
-}
-
-fn conversion_of(recorded_unit: &str) -> Option<Conversion> {
-    let unit = units::parse(recorded_unit).filter(|_| !recorded_unit.is_empty())?;
-    Some(Conversion {
-        factor: unit.factor,
-        offset: unit.offset,
-    })
 }
 
 #[cfg(test)]

@@ -40,7 +40,7 @@ pub use options::{Options, ReadingPurpose};
 pub use quality::quality_schemes;
 pub use tags::MAX_HELD_SAMPLES;
 
-use crate::{NewScratch, ReceivedRecording, Recording};
+use crate::{Conversion, NewScratch, ReceivedRecording, Recording};
 use encoding::DecodedText;
 use error::{malformed, told};
 use format::HEAD_BYTES;
@@ -139,6 +139,16 @@ fn receive_plain(
             csv::receive_as(csv, text, options, scratch, memory)
         }
     }
+}
+
+/// How values in a recorded unit become SI; nothing where none was said, or the unit is not known.
+#[must_use]
+pub fn conversion(unit: &str) -> Option<Conversion> {
+    let unit = units::parse(unit).filter(|_| !unit.is_empty())?;
+    Some(Conversion {
+        factor: unit.factor,
+        offset: unit.offset,
+    })
 }
 
 impl Recording {

@@ -104,3 +104,29 @@ export function axisTitle(label, unit, exponent) {
   const bracket = [factor, unit === "1" ? "" : unit].filter(Boolean).join("\u00a0");
   return bracket ? `${label} [${bracket}]` : label;
 }
+
+// The range leaves room above and below the values, also where all values are the same.
+export function paddedRange(_, low, high) {
+  if (low === null || high === null) {
+    return [0, 1];
+  }
+  const room = high > low ? 0.05 * (high - low) : Math.abs(low) * 0.05 || 1;
+  return [low - room, high + room];
+}
+
+export function rangeFromZero(_, low, high) {
+  return paddedRange(null, Math.min(0, low ?? 0), Math.max(0, high ?? 1));
+}
+
+export function logarithmicSplits(_, __, low, high) {
+  return axis([low, high], { log: true, steps: 4 }).ticks.map(([value]) => value);
+}
+
+// A logarithmic axis fits the values; whole decades would leave most of it empty.
+export function logarithmicRange(_, low, high) {
+  if (!(low > 0) || !(high > 0)) {
+    return [0.1, 1];
+  }
+  const factor = Math.max(1.1, (high / low) ** 0.05);
+  return [low / factor, high * factor];
+}

@@ -14,7 +14,7 @@
 import uPlot from "/assets/vendor/uplot-1.6.32.min.js";
 import { h, svg } from "../shell/dom.js";
 import { number, quantity } from "../shell/format.js";
-import { axis as axisOf, rangeOf } from "./axes.js";
+import { logarithmicRange, logarithmicSplits, paddedRange, rangeFromZero, rangeOf } from "./axes.js";
 import { READER } from "./clock.js";
 import { nearest } from "./math.js";
 import { saveMenu } from "./save.js";
@@ -250,7 +250,11 @@ class Plot {
         x: { time: false, auto: false },
         y: {
           distr: this.y.log ? 3 : 1,
-          range: this.y.log ? decades : this.series.some(({ bars }) => bars) ? fromZero : padded,
+          range: this.y.log
+            ? logarithmicRange
+            : this.series.some(({ bars }) => bars)
+              ? rangeFromZero
+              : paddedRange,
         },
       },
       axes: [
@@ -263,7 +267,7 @@ class Plot {
         },
         {
           ...axis,
-          ...(this.y.log ? { splits: roundSplits, filter: (_, splits) => splits } : {}),
+          ...(this.y.log ? { splits: logarithmicSplits, filter: (_, splits) => splits } : {}),
           space: Math.max(18, Math.min(34, this.height / 8)),
           size: (_, texts) =>
             14 + CHARACTER * Math.max(2, ...(texts ?? []).map((text) => (text ?? "").length)),
@@ -468,32 +472,6 @@ class Plot {
       (this.onBrush ? " [ and ] put the ends of the window at the cursor." : "")
     );
   }
-}
-
-// The range leaves room above and below the values, also where all values are the same.
-function padded(_, low, high) {
-  if (low === null || high === null) {
-    return [0, 1];
-  }
-  const room = high > low ? 0.05 * (high - low) : Math.abs(low) * 0.05 || 1;
-  return [low - room, high + room];
-}
-
-function fromZero(_, low, high) {
-  return padded(null, Math.min(0, low ?? 0), Math.max(0, high ?? 1));
-}
-
-function roundSplits(_, __, low, high) {
-  return axisOf([low, high], { log: true, steps: 4 }).ticks.map(([value]) => value);
-}
-
-// A logarithmic axis fits the values; whole decades would leave most of it empty.
-function decades(_, low, high) {
-  if (!(low > 0) || !(high > 0)) {
-    return [0.1, 1];
-  }
-  const factor = Math.max(1.1, (high / low) ** 0.05);
-  return [low / factor, high * factor];
 }
 
 function swatch(look) {

@@ -4,7 +4,7 @@ use super::super::column::SignalColumn;
 use super::super::error::{ReadingFault, ReadingFaults, invalid};
 use super::super::options::{Decimal, Options};
 use super::super::{ReadError, stamp, units, value};
-use super::rows::{line_of, texts};
+use super::fields::{is_data, line_of, texts, time_name_and_unit};
 use crate::{MAX_SIGNALS, name_fault};
 use ::csv::ByteRecord;
 use std::collections::HashSet;
@@ -79,16 +79,6 @@ impl Header {
     }
 }
 
-/// Whether a field is what stands in rows: nothing, a number or a time.
-pub(super) fn is_data(field: &str) -> bool {
-    let is_number = |decimal| value::number(field, Some(decimal)).is_some();
-    field.is_empty()
-        || is_number(Decimal::Point)
-        || is_number(Decimal::Comma)
-        || stamp::is_one(field)
-        || value::with_unit(field).is_some_and(|(number, _)| is_data(number))
-}
-
 fn time_column(titles: &[&str], wanted: Option<&str>) -> Option<usize> {
     let Some(wanted) = wanted else {
         return Some(0);
@@ -96,23 +86,6 @@ fn time_column(titles: &[&str], wanted: Option<&str>) -> Option<usize> {
     titles
         .iter()
         .position(|title| *title == wanted || time_name_and_unit(title).0 == wanted)
-}
-
-/// The name and the unit in the title of the time column, whose name may end with a unit of time: `t_s`,
-/// `elapsed_min`.
-pub(in crate::intake) fn time_name_and_unit(title: &str) -> (&str, &str) {
-    let (name, unit) = units::name_and_unit(title);
-    if !unit.is_empty() {
-        return (name, unit);
-    }
-    match title.rsplit_once('_') {
-        Some((name, unit))
-            if !name.is_empty() && !unit.is_empty() && units::parse_time(unit).is_some() =>
-        {
-            (title, unit)
-        }
-        _ => (title, ""),
-    }
 }
 
 fn columns(

@@ -10,6 +10,7 @@
 //! or, where there is a scratch, a few MiB of them; never the text. Those with a row for each sample
 //! (`long`), with times or qualities beside each signal (`paired`), of Simulink (`simulink`) and of InfluxDB (`influx`) are held as tags.
 
+mod fields;
 mod header;
 mod influx;
 mod long;
@@ -27,8 +28,8 @@ use super::options::{Decimal, Options};
 use super::{Format, ReadError};
 use crate::{NewScratch, ReceivedRecording, Warning};
 use ::csv::ByteRecord;
+pub(super) use fields::time_name_and_unit;
 use header::Header;
-pub(super) use header::time_name_and_unit;
 pub(super) use long::LongColumns;
 use rows::{TableRows, read_row};
 use sniff::{Fractions, Sniff};
@@ -134,7 +135,5 @@ fn wide(
     table.into_received()
 }
 
-#[cfg(test)]
-mod layouts;
 #[cfg(test)]
 mod tests;

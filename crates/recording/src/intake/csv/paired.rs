@@ -8,14 +8,11 @@ use super::super::memory::Memory;
 use super::super::options::Options;
 use super::super::tags::{Quality, RawSample, Tags};
 use super::super::{stamp, units, value};
-use super::header::time_name_and_unit;
-use super::rows::{TableRows, is_empty, line_of, read_row, texts};
+use super::fields::{is_called_time, line_of, texts};
+use super::rows::{TableRows, is_empty, read_row};
 use crate::ReceivedRecording;
 use ::csv::ByteRecord;
 use std::io::Read;
-
-/// Words that call a column a time.
-const TIMES: [&str; 5] = ["time", "timestamp", "datetime", "zeit", "zeitstempel"];
 
 /// Words that call a column the quality of another.
 const QUALITIES: [&str; 6] = [
@@ -85,15 +82,6 @@ impl PairedColumns {
         let has_quality = series.iter().any(|series| series.quality.is_some());
         (are_paired || has_quality).then_some(PairedColumns(series))
     }
-}
-
-/// Whether the first or the last word of a title is that of a time.
-pub(super) fn is_called_time(title: &str) -> bool {
-    let (name, _) = time_name_and_unit(title);
-    let name = name.to_lowercase();
-    let mut words = name.split(|symbol: char| !symbol.is_alphanumeric());
-    let first = words.next().unwrap_or_default();
-    TIMES.contains(&first) || words.next_back().is_some_and(|last| TIMES.contains(&last))
 }
 
 /// The name of the signal whose quality a column holds, by its title.

@@ -141,23 +141,6 @@ pub(super) fn read_text_row(
     Ok(is_one)
 }
 
-/// The line at which a row begins.
-pub(super) fn line_of(record: &ByteRecord) -> u64 {
-    record.position().map_or(1, Position::line)
-}
-
-/// The fields of a row as text; a fault where it is none.
-pub(super) fn texts(record: &ByteRecord) -> Result<Vec<&str>, ReadError> {
-    let text = |field| std::str::from_utf8(field).map(str::trim);
-    let fields: Result<Vec<&str>, _> = record.iter().map(text).collect();
-    fields.map_err(|_| malformed(not_utf8(line_of(record))))
-}
-
-pub(super) fn not_utf8(line: u64) -> ReadingFault {
-    let detail = "the text is not UTF-8; say its encoding, such as encoding=windows-1252";
-    ReadingFault::at_line("not_utf8", line, None, detail)
-}
-
 fn from_csv(error: Error) -> ReadError {
     let line = error.position().map_or(1, Position::line);
     match error.into_kind() {

@@ -3,9 +3,7 @@
 
 use super::super::error::{ReadingFault, excerpt};
 use super::super::{stamp, units, value};
-use super::header::is_data;
-use super::paired::is_called_time;
-use super::rows::line_of;
+use super::fields::{is_called_time, is_data, line_of};
 use super::split_time::SplitTime;
 use crate::Warning;
 use ::csv::ByteRecord;

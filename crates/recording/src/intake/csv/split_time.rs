@@ -1,7 +1,7 @@
 //! A time in several columns: a date and a time of day, and milliseconds beside a time to the second.
 
 use super::super::stamp;
-use super::paired::is_called_time;
+use super::fields::is_called_time;
 use ::csv::ByteRecord;
 
 /// Titles of columns of milliseconds, in small letters.

@@ -1,5 +1,7 @@
 //! Whole texts, as plants and spreadsheets write them.
 
+mod layouts;
+
 use crate::intake::{self, MediaKind, Options, ReadError};
 use crate::{Recording, TimeAxis};
 use proptest::prelude::*;

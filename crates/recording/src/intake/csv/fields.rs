@@ -1,0 +1,62 @@
+//! Single fields of a table: what a title and a cell are by their text, and where they stand.
+
+use super::super::error::{ReadError, ReadingFault, malformed};
+use super::super::options::Decimal;
+use super::super::{stamp, units, value};
+use csv::{ByteRecord, Position};
+
+/// Words that call a column a time.
+const TIMES: [&str; 5] = ["time", "timestamp", "datetime", "zeit", "zeitstempel"];
+
+/// Whether the first or the last word of a title is that of a time.
+pub(super) fn is_called_time(title: &str) -> bool {
+    let (name, _) = time_name_and_unit(title);
+    let name = name.to_lowercase();
+    let mut words = name.split(|symbol: char| !symbol.is_alphanumeric());
+    let first = words.next().unwrap_or_default();
+    TIMES.contains(&first) || words.next_back().is_some_and(|last| TIMES.contains(&last))
+}
+
+/// The name and the unit in the title of the time column, whose name may end with a unit of time: `t_s`,
+/// `elapsed_min`.
+pub(in crate::intake) fn time_name_and_unit(title: &str) -> (&str, &str) {
+    let (name, unit) = units::name_and_unit(title);
+    if !unit.is_empty() {
+        return (name, unit);
+    }
+    match title.rsplit_once('_') {
+        Some((name, unit))
+            if !name.is_empty() && !unit.is_empty() && units::parse_time(unit).is_some() =>
+        {
+            (title, unit)
+        }
+        _ => (title, ""),
+    }
+}
+
+/// Whether a field is what stands in rows: nothing, a number or a time.
+pub(super) fn is_data(field: &str) -> bool {
+    let is_number = |decimal| value::number(field, Some(decimal)).is_some();
+    field.is_empty()
+        || is_number(Decimal::Point)
+        || is_number(Decimal::Comma)
+        || stamp::is_one(field)
+        || value::with_unit(field).is_some_and(|(number, _)| is_data(number))
+}
+
+/// The line at which a row begins.
+pub(super) fn line_of(record: &ByteRecord) -> u64 {
+    record.position().map_or(1, Position::line)
+}
+
+/// The fields of a row as text; a fault where it is none.
+pub(super) fn texts(record: &ByteRecord) -> Result<Vec<&str>, ReadError> {
+    let text = |field| std::str::from_utf8(field).map(str::trim);
+    let fields: Result<Vec<&str>, _> = record.iter().map(text).collect();
+    fields.map_err(|_| malformed(not_utf8(line_of(record))))
+}
+
+pub(super) fn not_utf8(line: u64) -> ReadingFault {
+    let detail = "the text is not UTF-8; say its encoding, such as encoding=windows-1252";
+    ReadingFault::at_line("not_utf8", line, None, detail)
+}
