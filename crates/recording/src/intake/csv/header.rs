@@ -2,8 +2,8 @@
 
 use super::super::column::SignalColumn;
 use super::super::error::{ReadingFault, ReadingFaults, invalid};
-use super::super::options::{Decimal, Options};
-use super::super::{ReadError, stamp, units, value};
+use super::super::options::Options;
+use super::super::{ReadError, units};
 use super::fields::{is_data, line_of, texts, time_name_and_unit};
 use crate::{MAX_SIGNALS, name_fault};
 use ::csv::ByteRecord;

@@ -8,7 +8,7 @@ use super::super::memory::Memory;
 use super::super::options::Options;
 use super::super::tags::{Quality, RawSample, Tags};
 use super::super::{stamp, units, value};
-use super::fields::{is_called_time, line_of, texts};
+use super::fields::{is_called_time, line_of, texts, time_name_and_unit};
 use super::rows::{TableRows, is_empty, read_row};
 use crate::ReceivedRecording;
 use ::csv::ByteRecord;

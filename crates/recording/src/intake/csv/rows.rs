@@ -1,6 +1,6 @@
 //! Rows of CSV and their fields; none is so long that memory would not hold its fields.
 
-use super::super::error::{ReadError, ReadingFault, broken, malformed, told};
+use super::super::error::{ReadError, ReadingFault, broken, told};
 use super::super::memory::LONGEST_ROW;
 use super::shape::Shape;
 use ::csv::{ByteRecord, Error, ErrorKind, Position, Reader, ReaderBuilder};
