@@ -61,10 +61,10 @@ async function press(page, words) {
 }
 
 const labelled = (page, words) =>
-  page.waitForSelector(
-    `::-p-xpath(//label[contains(., '${words}')]//*[self::input or self::select])`,
-    PATIENCE,
-  );
+  page.waitForSelector(`::-p-xpath(//label[contains(., '${words}')]//*[self::input or self::select])`, {
+    ...PATIENCE,
+    visible: true,
+  });
 
 test("a stream is looked at in parts, cut, and samples are taken out of it", { skip }, async () => {
   const page = await open("/#/plant/streams");
@@ -216,8 +216,8 @@ test("a webhook is made, shows its secret once and what becomes of deliveries, a
   const { spec } = await (await fetch(`${base}/v1/jobs/${shared.job}`)).json();
   const { id } = await post("/v1/jobs", { ...spec, name: "told of" });
   await ended(id);
-  const delivery = "[aria-label='Deliveries'] tbody tr";
-  await page.waitForSelector(`${delivery} a[href='#/jobs/${id}']`, PATIENCE);
+  const delivery = `[aria-label='Deliveries'] tbody tr:has(a[href='#/jobs/${id}'])`;
+  await page.waitForSelector(delivery, PATIENCE);
   assert.match(await text(page, delivery), /job\.ended.*told of.*waiting/s);
   await press(page, "Resend");
   await says(page, "The delivery is sent again.");

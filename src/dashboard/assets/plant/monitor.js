@@ -45,6 +45,8 @@ class MonitorPage {
     this.windows = [];
     this.older = null;
     this.lost = false;
+    this.isEnding = false;
+    this.events = null;
     this.plots = new TrendPlots(view);
     this.table = h("div", { class: "within" });
     this.more = h(
@@ -144,6 +146,7 @@ class MonitorPage {
     const key = `monitor-event ${this.id}`;
     const last = sessionStorage.getItem(key);
     const stream = new EventSource(`${this.address}/events${last ? `?last_event_id=${last}` : ""}`);
+    this.events = stream;
     this.view.signal.addEventListener("abort", () => stream.close(), { once: true });
     stream.onopen = () => {
       this.connection.textContent = "live";
@@ -181,7 +184,7 @@ class MonitorPage {
     this.refreshing ??= pause(GATHER_MS, this.view.signal)
       .then(() => {
         this.refreshing = null;
-        return this.refresh();
+        return this.isEnding ? null : this.refresh();
       })
       .catch((error) => this.fail(error));
   }
@@ -226,13 +229,21 @@ class MonitorPage {
     );
   }
 
-  end() {
-    return this.attempt(async () => {
-      if (confirm("End this monitor? Its windows and alarms go; jobs and recordings of the windows stay.")) {
-        await send("DELETE", this.address);
-        location.hash = "/plant";
-      }
-    });
+  async end() {
+    if (!confirm("End this monitor? Its windows and alarms go; jobs and recordings of the windows stay.")) {
+      return;
+    }
+    // Nothing is read of a monitor that is about to go.
+    this.isEnding = true;
+    this.events?.close();
+    try {
+      await send("DELETE", this.address);
+      location.hash = "/plant";
+    } catch (error) {
+      this.isEnding = false;
+      this.outcome.fail(error);
+      this.follow();
+    }
   }
 
   async attempt(act) {

@@ -29,6 +29,7 @@ class StreamPage {
     this.element = h("div", { hidden: true });
     this.plots = null;
     this.lost = false;
+    this.isEnding = false;
   }
 
   async start() {
@@ -69,7 +70,7 @@ class StreamPage {
     let before = stream;
     for (;;) {
       await pause(POLL_MS, this.view.signal);
-      const now = (await this.readOrSay()) ?? before;
+      const now = this.isEnding ? before : ((await this.readOrSay()) ?? before);
       if (now.first !== before.first || now.last !== before.last || now.samples !== before.samples) {
         before = now;
         this.plots ? this.plots.grow(now) : this.draw(now);
@@ -170,7 +171,11 @@ class StreamPage {
   removeStream() {
     return this.attempt(async () => {
       if (confirm(`Delete the stream ${this.name} with all its samples?`)) {
-        await send("DELETE", this.address);
+        this.isEnding = true;
+        await send("DELETE", this.address).catch((error) => {
+          this.isEnding = false;
+          throw error;
+        });
         location.hash = "/plant/streams";
       }
     });
