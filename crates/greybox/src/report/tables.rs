@@ -245,11 +245,17 @@ pub fn fit(page: &mut String, report: &Report<'_>) {
             ),
         );
     }
+    page.push_str("</table></div>\n");
+    criteria(page, outcome);
+}
+
+/// The cost and the information criteria, which end the section of the fit.
+fn criteria(page: &mut String, outcome: &Outcome) {
     let criteria = &outcome.criteria;
     push(
         page,
         format_args!(
-            "</table></div>\n<p>AIC {} · AICc {} · BIC {} · FPE {} · cost {}</p>\n</section>\n",
+            "<p>AIC {} · AICc {} · BIC {} · FPE {} · cost {}</p>\n</section>\n",
             optional(criteria.aic),
             optional(criteria.aicc),
             optional(criteria.bic),
