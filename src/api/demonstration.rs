@@ -14,7 +14,6 @@ use super::error::Answer;
 use super::http_headers::tagged_json;
 use super::query::{FromQuery, Params, QueryReader};
 use greybox::demo::{self, Demo};
-use greybox::identification::JobSpec;
 use greybox::recording::Recording;
 
 /// The seed of the recording.
@@ -46,8 +45,8 @@ pub struct Demonstration {
     /// The recording, to be stored with `POST /v1/datasets`.
     #[schema(value_type = RecordingDocument)]
     recording: Value,
-    /// The job, to be submitted with `POST /v1/jobs` once its experiment names the stored recording.
-    #[schema(value_type = JobSpec)]
+    /// The job, as `POST /v1/jobs` takes it once its experiment names the stored recording.
+    #[schema(value_type = Object)]
     job: Value,
     /// The parameters that the recording was made with, SI.
     #[schema(example = json!({"supply_pressure": 7e6}))]
