@@ -309,8 +309,13 @@ export function budgetTable({ budget, parameters }) {
   names.push("noise alone");
   cells.push(row("noise", "what noise alone leaves unknown"));
   if (remainders.some((remainder) => remainder?.beside > 0.005)) {
-    names.push("explanations beside this one");
-    cells.push(row("beside", "other noise models, windows or changes that the total interval covers"));
+    names.push("what else the total covers");
+    cells.push(
+      row(
+        "beside",
+        "assumptions that cannot be simulated beside the estimate, other noise models, windows or changes",
+      ),
+    );
   }
   return h(
     "div",

@@ -65,7 +65,7 @@ async function demonstrate(view, tell) {
   const { data: demonstration } = await get("/v1/demonstration", view.signal);
   tell("Storing the recording …");
   const { data: dataset } = await send("POST", "/v1/datasets", demonstration.recording);
-  const { job } = demonstration;
+  const job = /** @type {any} */ (demonstration.job);
   const [experiment] = job.experiments;
   const { data } = await send("POST", "/v1/jobs", {
     ...job,
