@@ -104,7 +104,7 @@ impl Reading {
     }
 }
 
-/// What is wrong with a file, each fault with the flag that mends it.
+/// The faults of a file, each with the flag that mends it.
 pub fn faults(path: &Path, error: &ReadError) -> Vec<String> {
     let faults = error.faults().iter();
     faults

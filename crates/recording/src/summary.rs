@@ -52,8 +52,7 @@ pub struct SignalSummary {
     pub unit: String,
     /// The unit as it was recorded.
     pub recorded_unit: String,
-    /// How values in the unit as it was recorded become SI, where whoever shows the summary says so; absent where no
-    /// unit was said.
+    /// How values in the unit as it was recorded become SI; absent where no unit was said.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     #[schema(nullable = false)]
     pub conversion: Option<Conversion>,
@@ -79,10 +78,10 @@ pub struct SignalSummary {
 /// How a recorded value becomes SI: `factor × value + offset`.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, ToSchema)]
 pub struct Conversion {
-    /// What a recorded value is multiplied with.
+    /// The factor that a recorded value is multiplied by.
     #[schema(example = 1e-3)]
     pub factor: f64,
-    /// What is added to the product, SI.
+    /// The offset that is added to the product, SI.
     #[schema(example = 0.0)]
     pub offset: f64,
 }
