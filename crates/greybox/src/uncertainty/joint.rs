@@ -239,8 +239,9 @@ impl Joint {
     /// mean square of all.
     #[must_use]
     pub fn contribution(&self, unknown: usize, assumption: usize) -> Option<(f64, f64)> {
-        let own = self.posterior[(assumption, assumption)] + self.middle[assumption].powi(2);
-        let deviation = self.moves(unknown)?[assumption].abs() * own.sqrt();
+        let mean_square =
+            self.posterior[(assumption, assumption)] + self.middle[assumption].powi(2);
+        let deviation = self.moves(unknown)?[assumption].abs() * mean_square.sqrt();
         Some((deviation, self.added(unknown)?[assumption]))
     }
 

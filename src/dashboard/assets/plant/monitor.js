@@ -199,7 +199,7 @@ class MonitorPage {
     const from = h("input", { type: "datetime-local", step: "0.001", required: true });
     const move = async (event) => {
       event.preventDefault();
-      await this.attempt(async () => {
+      await this.outcome.attempt(async () => {
         await send("POST", `${this.address}/move`, { from: isoBefore(fieldSeconds(from.value)) });
         await this.refresh();
         this.outcome.show(h("p", { role: "status" }, "The monitor goes on with another window."));
@@ -243,15 +243,6 @@ class MonitorPage {
       this.isEnding = false;
       this.outcome.fail(error);
       this.follow();
-    }
-  }
-
-  async attempt(act) {
-    try {
-      this.outcome.clear();
-      await act();
-    } catch (error) {
-      this.outcome.fail(error);
     }
   }
 }

@@ -125,18 +125,8 @@ class StreamPage {
     return { from: isoBefore(from), to: isoAfter(to) };
   }
 
-  async attempt(act) {
-    try {
-      this.outcome.clear();
-      await act();
-    } catch (error) {
-      this.outcome.fail(error);
-      this.outcome.place.scrollIntoView({ block: "nearest" });
-    }
-  }
-
   cut(name) {
-    return this.attempt(async () => {
+    return this.outcome.attempt(async () => {
       const { data } = await send("POST", `${this.address}/recordings`, {
         ...(name ? { name } : {}),
         ...this.part(),
@@ -146,7 +136,7 @@ class StreamPage {
   }
 
   saveCsv() {
-    return this.attempt(async () => {
+    return this.outcome.attempt(async () => {
       const { data } = await request("GET", `${this.address}${query(this.part())}`, {
         headers: { accept: "text/csv" },
         signal: this.view.signal,
@@ -156,7 +146,7 @@ class StreamPage {
   }
 
   removePart() {
-    return this.attempt(async () => {
+    return this.outcome.attempt(async () => {
       const { from, to } = this.part();
       const [first, end] = [from, to].map((text) => new Date(text).toLocaleString());
       if (!confirm(`Remove the samples of ${this.name} from ${first} until ${end}? They do not come back.`)) {
@@ -169,7 +159,7 @@ class StreamPage {
   }
 
   removeStream() {
-    return this.attempt(async () => {
+    return this.outcome.attempt(async () => {
       if (confirm(`Delete the stream ${this.name} with all its samples?`)) {
         this.isEnding = true;
         await send("DELETE", this.address).catch((error) => {

@@ -148,6 +148,16 @@ export function notice() {
         place.replaceChildren(problemBox(error));
       }
     },
+    // Clears the notice, acts, and shows where the action failed.
+    async attempt(act) {
+      try {
+        place.replaceChildren();
+        await act();
+      } catch (error) {
+        this.fail(error);
+        place.scrollIntoView({ block: "nearest" });
+      }
+    },
   };
 }
 

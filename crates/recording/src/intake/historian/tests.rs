@@ -71,11 +71,11 @@ fn what_influxdb_1_answers_is_read_by_series() {
     };
     let text =
         |series: &str| format!(r#"{{"results": [{{"statement_id": 0, "series": [{series}]}}]}}"#);
-    let one = read(&text(&series("A", 1.0))).unwrap();
-    assert_eq!(one.source.format, "influx_json");
-    assert_eq!(one.time, UNIFORM);
-    assert_eq!(values(&one, "p")[..2], [1.0, 2.0]);
-    assert_eq!(one.start.unwrap().to_string(), "2026-03-02T08:15:00Z");
+    let single = read(&text(&series("A", 1.0))).unwrap();
+    assert_eq!(single.source.format, "influx_json");
+    assert_eq!(single.time, UNIFORM);
+    assert_eq!(values(&single, "p")[..2], [1.0, 2.0]);
+    assert_eq!(single.start.unwrap().to_string(), "2026-03-02T08:15:00Z");
     let two = read(&text(&format!("{},{}", series("A", 1.0), series("B", 5.0)))).unwrap();
     assert_eq!(values(&two, "oil,rig=B p")[0], 5.0);
     assert_eq!(values(&two, "oil,rig=A p")[0], 1.0);

@@ -330,8 +330,8 @@ fn numbers_in_quotes_may_have_decimal_commas_or_thousands() {
     let unclear = "t,p\n0,\"1,052\"\n1,998\n2,997\n";
     let error = read(unclear, &[]).unwrap_err();
     assert!(error.faults()[0].detail.contains("decimal="), "{error}");
-    let said = read(unclear, &[("decimal", ".")]).unwrap();
-    assert_eq!(said.signals[0].values, [1052.0, 998.0, 997.0]);
+    let with_decimal = read(unclear, &[("decimal", ".")]).unwrap();
+    assert_eq!(with_decimal.signals[0].values, [1052.0, 998.0, 997.0]);
     let groups = read("t,p\n0,\"1,05,2.3\"\n1,1\n2,3\n", &[]);
     assert!(groups.is_err());
 }
