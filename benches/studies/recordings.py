@@ -1,6 +1,6 @@
 """Grades of real recordings, with and without process noise: whole recordings and windows of them.
 
-    python3 benches/studies/recordings.py --data FOLDER [--only emps,hoop] [--json FILE]
+    python3 benches/studies/recordings.py --data FOLDER [--only emps,hoop] [--noise auto] [--json FILE]
 
 Each recording is identified whole and in windows, each window alone, with the documents of
 `crates/greybox/tests/documents/models`, by `greybox estimate`. The table gives, for each parameter,
@@ -71,7 +71,7 @@ PLANTS = {
     "hoop_random": {
         "file": "ball_and_hoop_random.csv", "document": "hoop",
         "signals": {"motor_command": "motor_command", "measured_speed": "speed"},
-        "windows": [(204 * k, 204 * (k + 1)) for k in range(4)],
+        "windows": [(203 * k, 203 * (k + 1)) for k in range(4)],
     },
     "hoop_fixed": {
         "file": "ball_and_hoop_fixed.csv", "document": "hoop",
@@ -168,13 +168,14 @@ def main():
     parser.add_argument("--data", type=pathlib.Path, required=True)
     parser.add_argument("--program", default=ROOT / "target/release/greybox")
     parser.add_argument("--only", default="")
+    parser.add_argument("--noise", default="", help="process noise of all jobs: none or auto")
     parser.add_argument("--json", type=pathlib.Path)
     given = parser.parse_args()
     kept = []
     for name, plant in PLANTS.items():
         if given.only and name not in given.only.split(","):
             continue
-        for noise in plant.get("noise", ["none", "auto"]):
+        for noise in [given.noise] if given.noise else plant.get("noise", ["none", "auto"]):
             whole, seconds = identify(
                 given.program, given.data, plant, plant.get("whole"), noise
             )

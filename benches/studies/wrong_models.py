@@ -7,7 +7,9 @@ Each document below has effects that are off by default: a leak, an exponent, qu
 friction, hysteresis, a lag of the sensor. `greybox simulate` makes a recording with one effect on, noise
 is added, and `greybox estimate` looks for the document's unknowns with the effect left off. Each job is
 asked three times: with the noise declared as it is, with no noise declared, and with five times the
-noise declared. Then each estimate is held against the truth: it is false where it is more than four of
+noise declared. With `--disturbed` a load that nobody recorded wanders beside the input while the plant
+runs: an Ornstein-Uhlenbeck process with a standard deviation of 5 % of the input's span and a memory of a
+quarter of a dwell. Then each estimate is held against the truth: it is false where it is more than four of
 its total standard errors and more than 2 % off. It needs nothing beyond Python and the program.
 """
 
@@ -24,6 +26,7 @@ import tempfile
 HERE = os.path.dirname(os.path.abspath(__file__))
 PROGRAM = os.path.join(HERE, "..", "..", "target", "release", "greybox")
 FALSE_ERRORS, FALSE_SHARE = 4.0, 0.02
+LOAD_SHARE, LOAD_MEMORY = 0.05, 0.25
 SEARCH = {"generations": 25, "population": 32, "further_searches": 2}
 
 
@@ -169,9 +172,21 @@ def run(program, *arguments):
     return done.stdout
 
 
-def recorded(program, folder, plant, effects, seed):
+def load(plant, seed):
+    """What acts beside the input at each sample."""
+    draw = random.Random(f"load {seed}")
+    deviation = LOAD_SHARE * (plant.levels[1] - plant.levels[0])
+    kept = math.exp(-1 / (LOAD_MEMORY * plant.dwell))
+    value = draw.gauss(0.0, deviation)
+    for _ in range(plant.samples):
+        yield value
+        value = kept * value + deviation * math.sqrt(1 - kept * kept) * draw.gauss(0.0, 1.0)
+
+
+def recorded(program, folder, plant, effects, seed, disturbed):
     """The file of a recording with the effects and noise."""
     draw = random.Random(seed)
+    acting = load(plant, seed) if disturbed else [0.0] * plant.samples
     (input_name, described), = plant.document["inputs"].items()
     (output_name, _), = plant.document["outputs"].items()
     values, level = [], 0.0
@@ -185,7 +200,8 @@ def recorded(program, folder, plant, effects, seed):
     excitation = os.path.join(folder, "input.csv")
     with open(excitation, "w") as file:
         file.write(f"time,{input_name} [{described['unit']}]\n")
-        file.writelines(f"{k * plant.sample_time!r},{u!r}\n" for k, u in enumerate(values))
+        file.writelines(f"{k * plant.sample_time!r},{u + beside!r}\n"
+                        for k, (u, beside) in enumerate(zip(values, acting)))
     truth = os.path.join(folder, "truth.json")
     with open(truth, "w") as file:
         json.dump(effects, file)
@@ -222,6 +238,7 @@ def main():
     parser.add_argument("--only", help="one plant")
     parser.add_argument("--process-noise", default="auto", help="none or auto")
     parser.add_argument("--seed", type=int, default=7, help="of the excitation and of the noise")
+    parser.add_argument("--disturbed", action="store_true", help="a load that nobody recorded acts")
     parser.add_argument("--json", help="file for all figures")
     options = parser.parse_args()
     sizes = [float(size) for size in options.sizes.split(",")]
@@ -234,7 +251,8 @@ def main():
             for size in sizes[:1] if wrong == "nothing" else sizes:
                 with tempfile.TemporaryDirectory() as folder:
                     on = {key: grown(name, key, value, size) for key, value in effects.items()}
-                    recording, output = recorded(options.program, folder, plant, on, options.seed)
+                    recording, output = recorded(
+                        options.program, folder, plant, on, options.seed, options.disturbed)
                     for noise, times in NOISE.items():
                         result = estimated(options, folder, plant, recording, output, times)
                         kept.append(judged(plant, wrong, name, size, noise, result, counts))

@@ -3,9 +3,10 @@
 //!
 //! Each is fitted from the estimate of the free run. A scan over strengths, memories and sensors finds where
 //! its descent begins; the Bayesian information criterion (G. Schwarz, *Annals of Statistics* 6, 1978)
-//! compares what the descents come to.
+//! compares what the descents come to. A plant on which several things act takes another disturbance beside
+//! those of a model that was fitted ([`with_another`]).
 
-use super::noise_scan::{NoiseScan, compared};
+use super::noise_scan::{NoiseScan, ScannedBasis, compared};
 use super::prior::Prior;
 use super::problem::Problem;
 use super::process_noise::{NoiseFault, NoiseModel, NoiseNumber, ProcessNoise, filtered};
@@ -100,6 +101,16 @@ pub struct FittedNoise {
     pub bic: f64,
 }
 
+impl FittedNoise {
+    /// The noise model with the values of the estimate.
+    #[must_use]
+    pub fn estimated_noise(&self) -> NoiseModel {
+        let noise = &self.trial.noise;
+        let values = self.trial.problem.values(&self.positions);
+        noise.with_values(&values[values.len() - noise.unknowns()..])
+    }
+}
+
 /// The noise models that a problem may have, the simplest first.
 #[must_use]
 pub fn candidates(problem: &Problem) -> Vec<Vec<SoughtDisturbance>> {
@@ -136,9 +147,68 @@ pub fn trials(
         problem,
         estimate,
         deviations: &deviations,
+        beside: None,
         stop,
     };
     let trials = candidates.par_iter().map(|sought| fit.trial(sought));
+    let trials: Result<Vec<_>, NoiseFault> = trials.collect();
+    Ok(trials?.into_iter().collect())
+}
+
+/// A noise model that was fitted, which leaves something unexplained.
+#[derive(Clone, Copy, Debug)]
+pub struct FittedBasis<'a> {
+    /// The fit.
+    pub fit: &'a FittedNoise,
+    /// The places of the compared outputs whose innovations are not white: the noises of their sensors are
+    /// looked for anew.
+    pub coloured: &'a [usize],
+}
+
+/// Finds where the descents begin of noise models that have another disturbance beside those of a fitted one, from
+/// what was fitted: of a state that has none, or of the sensor of a coloured output. Empty where there is none. Answers nothing when `stop` was
+/// raised.
+///
+/// # Errors
+/// Where the model or the problem does not allow a filter.
+pub fn with_another(
+    problem: &Problem,
+    free_run: &[f64],
+    basis: FittedBasis<'_>,
+    stop: &AtomicBool,
+) -> Result<Option<Vec<NoiseTrial>>, NoiseFault> {
+    let Some(deviations) = residual_deviations(problem, free_run, stop) else {
+        return Ok(None);
+    };
+    let fit = NoiseFit {
+        problem,
+        estimate: &basis.fit.positions[..problem.coordinates.len()],
+        deviations: &deviations,
+        beside: Some(basis),
+        stop,
+    };
+    let present = basis.fit.trial.noise.disturbances.iter();
+    let present: Vec<Disturbance> = present.map(|noise| noise.disturbance).collect();
+    let may_explain = |added: &SoughtDisturbance| match added.disturbance.acts_on {
+        ActsOn::Output(index) => {
+            let mut coloured = basis.coloured.iter();
+            coloured.any(|place| problem.outputs[*place].index == index)
+        }
+        ActsOn::Rate(_) | ActsOn::Parameter(_) => true,
+    };
+    let is_new = |added: &SoughtDisturbance| {
+        let mut present = present.iter();
+        present.all(|present| present.acts_on != added.disturbance.acts_on)
+    };
+    let added = candidates(problem).into_iter().flatten();
+    let added = added.filter(|added| is_new(added) && may_explain(added));
+    let before = present
+        .iter()
+        .map(|Disturbance { acts_on, kind }| SoughtDisturbance::open(*acts_on, *kind));
+    let before: Vec<SoughtDisturbance> = before.collect();
+    let sought = added.map(|added| before.iter().cloned().chain([added]).collect());
+    let sought: Vec<Vec<SoughtDisturbance>> = sought.collect();
+    let trials = sought.par_iter().map(|sought| fit.trial(sought));
     let trials: Result<Vec<_>, NoiseFault> = trials.collect();
     Ok(trials?.into_iter().collect())
 }
@@ -270,10 +340,12 @@ pub fn residual_deviations(
 /// What a noise model is fitted to.
 struct NoiseFit<'a> {
     problem: &'a Problem,
-    /// The positions of the free run's estimate.
+    /// The positions at which noises are scanned.
     estimate: &'a [f64],
-    /// The root mean square of each output's residuals there.
+    /// The root mean square of each output's residuals in the free run.
     deviations: &'a [f64],
+    /// The noise model beside which another disturbance is fitted, where there is one.
+    beside: Option<FittedBasis<'a>>,
     stop: &'a AtomicBool,
 }
 
@@ -290,6 +362,7 @@ impl NoiseFit<'_> {
             deviations: self.deviations,
             noise: &noise,
             strengths: &strengths,
+            beside: self.beside.as_ref().map(ScannedBasis::of),
         };
         match scan.best(&problem, self.stop) {
             Some(start) => self.close_enough(NoiseTrial {

@@ -1,5 +1,6 @@
-//! Where the descent of a noise model begins: the best point of a grid of noises at the free run's estimate.
+//! Where the descent of a noise model begins: the best point of a grid of noises at an estimate.
 
+use super::noise_ladder::FittedBasis;
 use super::problem::{Coordinate, Problem};
 use super::process_noise::{NoiseModel, NoiseNumber};
 use super::sensitivity::{Directions, Neighbourhood, SHIFT, Sides};
@@ -24,15 +25,46 @@ const SCANNED_MEMORIES: [f64; 3] = [0.25, 0.5, 0.75];
 /// Points of a scan that are simulated, and held, at once.
 const SCANNED_TOGETHER: usize = 32;
 
+/// The noises that a fitted model has, beside which another disturbance is scanned.
+pub(super) struct ScannedBasis {
+    /// The noises with the values of the fit.
+    noise: NoiseModel,
+    /// The places of the compared outputs whose sensors are scanned too.
+    coloured: Vec<usize>,
+}
+
+impl ScannedBasis {
+    pub fn of(basis: &FittedBasis<'_>) -> ScannedBasis {
+        ScannedBasis {
+            noise: basis.fit.estimated_noise(),
+            coloured: basis.coloured.to_vec(),
+        }
+    }
+
+    /// The numbers of a disturbance of the fitted model, by its place.
+    fn disturbance(&self, place: usize) -> Option<Vec<f64>> {
+        let numbers = self.noise.disturbances.get(place)?.numbers();
+        Some(numbers.map(NoiseNumber::typical).collect())
+    }
+
+    /// The noise of a sensor where it stays as it was fitted, by the place of its output.
+    fn sensor(&self, place: usize) -> Option<f64> {
+        let stays = !self.coloured.contains(&place);
+        stays.then(|| self.noise.sensors[place].typical())
+    }
+}
+
 /// A grid of noises.
 pub(super) struct NoiseScan<'a> {
-    /// The positions of the free run's estimate.
+    /// The positions of the plant's unknowns.
     pub estimate: &'a [f64],
-    /// The root mean square of each output's residuals there.
+    /// The root mean square of each output's residuals in the free run.
     pub deviations: &'a [f64],
     pub noise: &'a NoiseModel,
     /// The strength of each disturbance that makes the residuals of the free run.
     pub strengths: &'a [f64],
+    /// What was fitted before; none where nothing was.
+    pub beside: Option<ScannedBasis>,
 }
 
 impl NoiseScan<'_> {
@@ -55,42 +87,76 @@ impl NoiseScan<'_> {
         Some(self.enlarged(problem, likeliest))
     }
 
-    /// Whether all strengths and sensors are unknown, so that the likelihood says how large they are together.
+    /// Whether all strengths and sensors are unknown and none was fitted, so that the likelihood says how large
+    /// they are together.
     fn is_concentrated(&self) -> bool {
-        self.noise.sizes().all(NoiseNumber::is_unknown)
+        self.beside.is_none() && self.noise.sizes().all(NoiseNumber::is_unknown)
     }
 
-    /// Points of the free run's estimate with noises.
+    /// Points of the estimate with noises.
     fn points(&self) -> Vec<Vec<f64>> {
         let is_concentrated = self.is_concentrated();
         let mut grid = vec![GridPoint {
             positions: self.estimate.to_vec(),
             largest_share: 0.0,
         }];
-        for (disturbance, scale) in self.noise.disturbances.iter().zip(self.strengths) {
+        let disturbances = self.noise.disturbances.iter().zip(self.strengths);
+        for (place, (disturbance, scale)) in disturbances.enumerate() {
+            let basis = self.beside.as_ref();
+            if let Some(fitted) = basis.and_then(|basis| basis.disturbance(place)) {
+                let numbers = disturbance.numbers().zip(fitted);
+                let positions = numbers.filter_map(|(number, value)| position(number, value));
+                grid = extended(&grid, &[Scanned::at(positions.collect())]);
+                continue;
+            }
             let shares = SCANNED_STRENGTHS.iter();
             let shares = shares.filter(|share| !is_concentrated || **share <= LARGEST_SHARE);
             let shares: Vec<f64> = shares.copied().collect();
             grid = extended(&grid, &scanned(disturbance.strength, &shares, &[*scale]));
             if let Some(NoiseNumber::Unknown { .. }) = disturbance.time_constant {
-                let memories = SCANNED_MEMORIES.map(|position| Scanned {
-                    share: 0.0,
-                    positions: vec![position],
-                });
+                let memories = SCANNED_MEMORIES.map(|position| Scanned::at(vec![position]));
                 grid = extended(&grid, &memories);
             }
         }
-        // The sensors that are unknown are scanned together.
-        let sensors = self.noise.sensors.iter().zip(self.deviations);
-        let unknown: Vec<_> = sensors.filter(|(sensor, _)| sensor.is_unknown()).collect();
-        if let Some((first, _)) = unknown.first() {
-            let scales: Vec<f64> = unknown.iter().map(|(_, deviation)| **deviation).collect();
-            grid = extended(&grid, &scanned(**first, &SCANNED_SENSORS, &scales));
-        }
+        grid = extended(&grid, &self.scanned_sensors());
         let points = grid.into_iter();
         let points =
             points.filter(|point| !is_concentrated || point.largest_share == LARGEST_SHARE);
         points.map(|point| point.positions).collect()
+    }
+
+    /// The sensors that are unknown, scanned together but for those that stay as they were fitted.
+    fn scanned_sensors(&self) -> Vec<Scanned> {
+        let sensors = self.noise.sensors.iter().zip(self.deviations).enumerate();
+        let unknown: Vec<_> = sensors
+            .filter(|(_, (sensor, _))| sensor.is_unknown())
+            .collect();
+        let Some((_, (first, _))) = unknown.first() else {
+            return Vec::new();
+        };
+        let scales: Vec<f64> = unknown
+            .iter()
+            .map(|(_, (_, deviation))| **deviation)
+            .collect();
+        let mut points = scanned(**first, &SCANNED_SENSORS, &scales);
+        let Some(basis) = &self.beside else {
+            return points;
+        };
+        for (index, (place, (sensor, _))) in unknown.iter().enumerate() {
+            let Some(stays) = basis
+                .sensor(*place)
+                .and_then(|value| position(**sensor, value))
+            else {
+                continue;
+            };
+            points
+                .iter_mut()
+                .for_each(|point| point.positions[index] = stays);
+        }
+        if basis.coloured.is_empty() {
+            points.truncate(1);
+        }
+        points
     }
 
     /// A point with all strengths and sensors larger by its factor, as far as their ranges go.
@@ -123,6 +189,24 @@ struct Scanned {
     /// The share of the free run's residuals; 0 for what is no size.
     share: f64,
     positions: Vec<f64>,
+}
+
+impl Scanned {
+    /// Positions that are no share of anything.
+    fn at(positions: Vec<f64>) -> Scanned {
+        Scanned {
+            share: 0.0,
+            positions,
+        }
+    }
+}
+
+/// The position of a value within the range of an unknown; a given number has none.
+fn position(number: NoiseNumber, value: f64) -> Option<f64> {
+    let NoiseNumber::Unknown { lower, upper, .. } = number else {
+        return None;
+    };
+    Some(Scale::Log.position(value.clamp(lower, upper), lower, upper))
 }
 
 /// A point of a grid.

@@ -159,6 +159,31 @@ impl NoiseModel {
         strengths.chain(self.sensors.iter().copied())
     }
 
+    /// The noise model with a value for each of its unknowns, in their order.
+    #[must_use]
+    pub fn with_values(&self, values: &[f64]) -> NoiseModel {
+        let mut values = values.iter().copied();
+        let mut given = |number: NoiseNumber| match number {
+            NoiseNumber::Given(_) => number,
+            NoiseNumber::Unknown { .. } => NoiseNumber::Given(values.next().unwrap_or_default()),
+        };
+        let mut disturbances = Vec::new();
+        for noise in &self.disturbances {
+            let strength = given(noise.strength);
+            let time_constant = noise.time_constant.map(&mut given);
+            disturbances.push(ProcessNoise {
+                strength,
+                time_constant,
+                ..noise.clone()
+            });
+        }
+        NoiseModel {
+            disturbances,
+            sensors: self.sensors.iter().copied().map(given).collect(),
+            steps: self.steps,
+        }
+    }
+
     /// How many of its numbers are unknowns.
     #[must_use]
     pub fn unknowns(&self) -> usize {

@@ -9,7 +9,7 @@
 
 use super::disturbed_estimate::DisturbedEstimate;
 use super::linearised::LinearisedEstimate;
-use super::noise_comparison::NoiseComparison;
+use super::noise_comparison::{AfterNoiseRound, NoiseComparison};
 use super::nuisances::NuisanceFit;
 use super::refits::{Quota, RefitSequence, Refits};
 use super::reweighting::Reweighting;
@@ -185,7 +185,7 @@ impl Analyser {
                     let selection = moving.selection.clone();
                     self.compare_noise(&moving.unmoved, &stands, selection, stop)
                 }
-                AnalysisStep::CompareNoise(comparing) => self.examine_compared(comparing, stop),
+                AnalysisStep::CompareNoise(comparing) => self.after_noise_round(comparing, stop),
                 AnalysisStep::Examine(_) | AnalysisStep::ExamineDisturbed(_) => {
                     return Advance::Finished;
                 }
@@ -268,17 +268,24 @@ impl Analyser {
         }
     }
 
-    fn examine_compared(&self, comparing: &Comparing, stop: &AtomicBool) -> Option<AnalysisStep> {
+    fn after_noise_round(&self, comparing: &Comparing, stop: &AtomicBool) -> Option<AnalysisStep> {
         let selection = comparing.selection.clone();
-        match comparing.comparison.examined(&self.request, stop)? {
-            Some(estimate) => {
+        match comparing.comparison.after_round(&self.request, stop)? {
+            AfterNoiseRound::Further(comparison) => {
+                Some(AnalysisStep::CompareNoise(Box::new(Comparing {
+                    comparison: *comparison,
+                    stands: comparing.stands.clone(),
+                    selection,
+                })))
+            }
+            AfterNoiseRound::Taken(estimate) => {
                 let examined = ExaminedDisturbed {
-                    estimate,
+                    estimate: *estimate,
                     selection,
                 };
                 Some(AnalysisStep::ExamineDisturbed(Box::new(examined)))
             }
-            None => self.examine(&comparing.stands, selection, stop),
+            AfterNoiseRound::FreeRun => self.examine(&comparing.stands, selection, stop),
         }
     }
 

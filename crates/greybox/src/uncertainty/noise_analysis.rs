@@ -35,16 +35,22 @@ pub struct NoiseAnalysis {
 impl NoiseAnalysis {
     /// The fits of other noise models that the data leave standing. Where the noise model that was taken
     /// leaves innovations that are not white, none is right and their likelihoods say little: every
-    /// disturbance stands.
+    /// disturbance stands, but for one that misses an effect which the one that was taken does not miss. Where
+    /// several disturbances act, which they are is less certain than a criterion says, and all stand that miss no
+    /// effect.
     pub(super) fn rivals(&self) -> impl Iterator<Item = Rival<'_>> {
-        let lowest = self.compared[self.chosen].fit.as_ref().map(|fit| fit.bic);
+        let taken = &self.compared[self.chosen];
+        let lowest = taken.fit.as_ref().map(|fit| fit.bic);
         let others = self.compared.iter().enumerate();
         let others =
             others.filter(|(place, compared)| *place != self.chosen && !compared.is_too_strong);
         others.filter_map(move |(_, compared)| {
             let fit = compared.fit.as_ref()?;
             let is_as_likely = lowest.is_some_and(|lowest| (fit.bic - lowest).abs() < STANDING);
-            let stands = is_as_likely || (!self.is_white && !compared.disturbances.is_empty());
+            let is_explanation = taken.misses_an_effect || !compared.misses_an_effect;
+            let is_disturbed = !compared.disturbances.is_empty();
+            let is_uncertain = !self.is_white || taken.disturbances.len() > 1;
+            let stands = is_as_likely || (is_uncertain && is_disturbed && is_explanation);
             stands.then_some(Rival { fit, is_as_likely })
         })
     }
@@ -100,6 +106,8 @@ pub struct ComparedNoise {
     /// Whether the disturbances would have left far more in the free run than was left: such a noise model is
     /// no explanation.
     pub is_too_strong: bool,
+    /// Whether the innovations of an output follow each other so closely that the model misses an effect.
+    pub misses_an_effect: bool,
 }
 
 /// What the fit of a noise model came to.

@@ -3,13 +3,14 @@
 //! The Bayesian information criterion compares them, with two limits. A disturbance that would have left far
 //! more in the free run than was left is no explanation, whatever its likelihood: errors of one step alone do
 //! not show it. And where the likeliest model's innovations follow each other as closely as those of a model
-//! that misses an effect, no likelihood can be relied on, and the free run stands with the hull of all.
+//! that misses an effect, another disturbance is tried beside its own; where none helps, no likelihood can be
+//! relied on, and the free run stands with the hull of all.
 
-use super::residuals::{self, ResidualReport};
+use super::residuals;
 use crate::estimation::noise_ladder::{self, FittedNoise};
 use crate::estimation::problem::Problem;
-use crate::estimation::process_noise::{NoiseNumber, ProcessNoise};
 use crate::estimation::trajectory;
+use std::sync::Arc;
 use std::sync::atomic::AtomicBool;
 
 /// A disturbance is too strong where the variance that it makes of an output is this many times what the free
@@ -24,6 +25,9 @@ pub(super) struct WeighedNoise {
     pub variances_made: Vec<Vec<f64>>,
     /// Whether its disturbances would have left far more in the free run than was left.
     pub is_too_strong: bool,
+    /// The places of the compared outputs whose innovations follow each other so closely that the model misses
+    /// an effect.
+    pub coloured: Vec<usize>,
 }
 
 impl WeighedNoise {
@@ -36,64 +40,53 @@ impl WeighedNoise {
         stop: &AtomicBool,
     ) -> Option<WeighedNoise> {
         let of_plant = &fit.positions[..problem.coordinates.len()];
-        let made = noise_ladder::variances_made(problem, of_plant, &given(&fit), stop);
+        let disturbances = fit.estimated_noise().disturbances;
+        let made = noise_ladder::variances_made(problem, of_plant, &disturbances, stop);
         let variances_made = made.unwrap_or_default()?;
         let is_too_strong = deviations.iter().enumerate().any(|(output, deviation)| {
             let made: f64 = variances_made.iter().map(|made| made[output]).sum();
             made > TOO_STRONG * deviation * deviation
         });
+        let coloured = coloured(&fit, stop)?;
         Some(WeighedNoise {
             fit,
             variances_made,
             is_too_strong,
+            coloured,
         })
     }
 
-    /// Whether the innovations follow each other so closely that the model misses an effect. Answers nothing
-    /// when `stop` was raised.
-    pub fn misses_an_effect(&self, stop: &AtomicBool) -> Option<bool> {
-        let problem = &self.fit.trial.problem;
-        let Ok(expected) = trajectory::simulate(problem, &self.fit.positions, stop)? else {
-            return Some(true);
-        };
-        let innovations = residuals::report(problem, &expected);
-        Some(innovations.iter().any(ResidualReport::is_misfit_by_colour))
+    /// Whether the innovations of an output follow each other so closely that the model misses an effect.
+    pub fn misses_an_effect(&self) -> bool {
+        !self.coloured.is_empty()
     }
 }
 
-/// The place of the noise model that is taken: the first is that without disturbances. Answers nothing when
-/// `stop` was raised.
-pub(super) fn chosen(weighed: &[Option<WeighedNoise>], stop: &AtomicBool) -> Option<usize> {
-    let standing = weighed
-        .iter()
-        .enumerate()
-        .filter_map(|(place, weighed)| Some((place, weighed.as_ref()?)));
-    let standing = standing.filter(|(_, weighed)| !weighed.is_too_strong);
-    let likeliest = standing.min_by(|(_, a), (_, b)| a.fit.bic.total_cmp(&b.fit.bic));
-    match likeliest {
-        Some((place, weighed)) if place > 0 && !weighed.misses_an_effect(stop)? => Some(place),
-        _ => Some(0),
-    }
-}
-
-/// The disturbances of a fit with the values of the estimate.
-fn given(fit: &FittedNoise) -> Vec<ProcessNoise> {
-    let mut values = fit.trial.problem.values(&fit.positions).into_iter();
-    let n_plant = fit.positions.len() - fit.trial.noise.unknowns();
-    values.by_ref().take(n_plant).for_each(drop);
-    let mut estimate = |number: NoiseNumber| match number {
-        NoiseNumber::Given(_) => number,
-        NoiseNumber::Unknown { .. } => NoiseNumber::Given(values.next().unwrap_or_default()),
+/// The places of the compared outputs whose innovations follow each other closely: all of them where a fit
+/// cannot be simulated. Answers nothing when `stop` was raised.
+fn coloured(fit: &FittedNoise, stop: &AtomicBool) -> Option<Vec<usize>> {
+    let problem = &fit.trial.problem;
+    let Ok(expected) = trajectory::simulate(problem, &fit.positions, stop)? else {
+        return Some((0..problem.outputs.len()).collect());
     };
-    let mut disturbances = Vec::new();
-    for noise in &fit.trial.noise.disturbances {
-        let strength = estimate(noise.strength);
-        let time_constant = noise.time_constant.map(&mut estimate);
-        disturbances.push(ProcessNoise {
-            strength,
-            time_constant,
-            ..noise.clone()
-        });
+    let innovations = residuals::report(problem, &expected);
+    let coloured = innovations.iter().enumerate();
+    let coloured = coloured.filter(|(_, output)| output.is_misfit_by_colour());
+    Some(coloured.map(|(place, _)| place).collect())
+}
+
+/// The place of the likeliest noise model that is not too strong, with it.
+pub(super) fn likeliest(weighed: &[Option<Arc<WeighedNoise>>]) -> Option<(usize, &WeighedNoise)> {
+    let fitted = weighed.iter().enumerate();
+    let fitted = fitted.filter_map(|(place, weighed)| Some((place, weighed.as_deref()?)));
+    let standing = fitted.filter(|(_, weighed)| !weighed.is_too_strong);
+    standing.min_by(|(_, a), (_, b)| a.fit.bic.total_cmp(&b.fit.bic))
+}
+
+/// The place of the noise model that is taken: the first is that without disturbances.
+pub(super) fn chosen(weighed: &[Option<Arc<WeighedNoise>>]) -> usize {
+    match likeliest(weighed) {
+        Some((place, weighed)) if !weighed.misses_an_effect() => place,
+        _ => 0,
     }
-    disturbances
 }

@@ -8,7 +8,7 @@ use super::refits::{Refit, RefitName, RefitSequence, RefitTask};
 use super::settings::{Intervals, Request, SoughtNoise};
 use super::solved::Solved;
 use super::{fit, probes, residuals, validation_start};
-use crate::estimation::noise_ladder::{self, FittedNoise, NoiseTrial};
+use crate::estimation::noise_ladder::{self, FittedBasis, FittedNoise, NoiseTrial};
 use crate::estimation::problem::{Assumption, Problem};
 use crate::estimation::process_noise::filtered;
 use crate::estimation::report::Report;
@@ -16,6 +16,7 @@ use crate::estimation::trajectory;
 use greybox_numerics::statistics;
 use greybox_simulation::Accuracy;
 use std::borrow::Cow;
+use std::sync::Arc;
 use std::sync::atomic::AtomicBool;
 
 /// Noise models that are fitted to an estimate of the free run.
@@ -24,8 +25,11 @@ pub(super) struct NoiseComparison {
     problem: Problem,
     report: Report,
     /// What the free run makes of the unknowns.
-    free_run: Box<LinearisedEstimate>,
+    free_run: Arc<LinearisedEstimate>,
+    /// All noise models that were tried so far.
     trials: Vec<TrialFit>,
+    /// What those of earlier rounds came to, in their order.
+    weighed: Vec<Option<Arc<WeighedNoise>>>,
     /// The free run with what is taken as known where the data and the tolerances put it; none where nothing was
     /// moved.
     moved_free_run: Option<TrialFit>,
@@ -33,8 +37,22 @@ pub(super) struct NoiseComparison {
     is_listed: bool,
 }
 
-/// A noise model whose descent is a refit.
+/// What follows when all noise models of a round are fitted.
 #[derive(Debug)]
+pub(super) enum AfterNoiseRound {
+    /// Another disturbance is tried beside those of the likeliest model.
+    Further(Box<NoiseComparison>),
+    /// The noise model that is taken.
+    Taken(Box<DisturbedEstimate>),
+    /// The free run is taken.
+    FreeRun,
+}
+
+/// Disturbances of a noise model at the most.
+const MOST_DISTURBANCES: usize = 4;
+
+/// A noise model whose descent is a refit.
+#[derive(Clone, Debug)]
 struct TrialFit {
     model: u32,
     trial: NoiseTrial,
@@ -134,8 +152,9 @@ impl NoiseComparison {
         Some(Some(NoiseComparison {
             problem: problem.clone(),
             report: report.clone(),
-            free_run: Box::new(free_run),
+            free_run: Arc::new(free_run),
             trials,
+            weighed: Vec::new(),
             moved_free_run,
             is_listed,
         }))
@@ -148,26 +167,78 @@ impl NoiseComparison {
             .collect()
     }
 
+    /// Goes on when all noise models of the round are fitted. Answers nothing when `stop` was raised.
+    pub fn after_round(&self, request: &Request, stop: &AtomicBool) -> Option<AfterNoiseRound> {
+        let weighed = self.weighed(stop)?;
+        if let Some(further) = self.further(&weighed, stop)? {
+            return Some(AfterNoiseRound::Further(Box::new(further)));
+        }
+        Some(match self.examined(&weighed, request, stop)? {
+            Some(taken) => AfterNoiseRound::Taken(Box::new(taken)),
+            None => AfterNoiseRound::FreeRun,
+        })
+    }
+
+    /// The comparison with another disturbance beside those of the likeliest noise model, where that is one of this
+    /// round and misses an effect; the inner answer is none where there is nothing to try. Answers nothing when
+    /// `stop` was raised.
+    fn further(
+        &self,
+        weighed: &[Option<Arc<WeighedNoise>>],
+        stop: &AtomicBool,
+    ) -> Option<Option<NoiseComparison>> {
+        let Some((place, likeliest)) = noise_choice::likeliest(weighed) else {
+            return Some(None);
+        };
+        let n_disturbances = likeliest.fit.trial.noise.disturbances.len();
+        let is_of_this_round = place >= self.weighed.len() && n_disturbances > 0;
+        let may_go_on = !self.is_listed && is_of_this_round && n_disturbances < MOST_DISTURBANCES;
+        if !may_go_on || !likeliest.misses_an_effect() {
+            return Some(None);
+        }
+        let basis = FittedBasis {
+            fit: &likeliest.fit,
+            coloured: &likeliest.coloured,
+        };
+        let free_run = &self.report.positions;
+        let further = noise_ladder::with_another(&self.problem, free_run, basis, stop);
+        let further = further.unwrap_or_else(|_| Some(Vec::new()))?;
+        if further.is_empty() {
+            return Some(None);
+        }
+        let first = self.trials.len() + usize::from(self.moved_free_run.is_some());
+        let further = TrialFit::all(further, first as u32);
+        Some(Some(NoiseComparison {
+            problem: self.problem.clone(),
+            report: self.report.clone(),
+            free_run: Arc::clone(&self.free_run),
+            trials: self.trials.iter().cloned().chain(further).collect(),
+            weighed: weighed.to_vec(),
+            moved_free_run: self.moved_free_run.clone(),
+            is_listed: self.is_listed,
+        }))
+    }
+
     /// The analysis of the noise model that is taken, when all have been fitted; the inner answer is none
     /// where the free run is taken. Answers nothing when `stop` was raised.
-    pub fn examined(
+    fn examined(
         &self,
+        fits: &[Option<Arc<WeighedNoise>>],
         request: &Request,
         stop: &AtomicBool,
     ) -> Option<Option<DisturbedEstimate>> {
-        let fits = self.weighed(stop)?;
         let chosen = match self.is_listed {
             true => 1,
-            false => noise_choice::chosen(&fits, stop)?,
+            false => noise_choice::chosen(fits),
         };
-        let Some(weighed) = &fits[chosen] else {
+        let Some(weighed) = fits[chosen].as_deref() else {
             return Some(None);
         };
         if self.is_explained_by_what_is_known(weighed.fit.bic, stop)? {
             return Some(None);
         }
         let is_free_run = weighed.fit.trial.noise.disturbances.is_empty();
-        if is_free_run && !(self.can_examine_free_run(request) && weighed.misses_an_effect(stop)?) {
+        if is_free_run && !(self.can_examine_free_run(request) && weighed.misses_an_effect()) {
             return Some(None);
         }
         let WeighedNoise {
@@ -189,13 +260,16 @@ impl NoiseComparison {
         };
         let made = variances_made.iter();
         let shares = made.map(|made| shares(&plant, made)).collect();
-        let compared = self.trials.iter().zip(&fits);
+        let compared = self.trials.iter().zip(fits);
         let compared = compared.map(|(trial, weighed)| ComparedNoise {
             disturbances: trial.trial.noise.disturbances.clone(),
             fit: weighed.as_ref().map(|weighed| compared_fit(&weighed.fit)),
             is_too_strong: weighed
                 .as_ref()
                 .is_some_and(|weighed| weighed.is_too_strong),
+            misses_an_effect: weighed
+                .as_ref()
+                .is_some_and(|weighed| weighed.misses_an_effect()),
         });
         Some(Some(DisturbedEstimate {
             report: moved(&self.report, &plant, of_plant),
@@ -217,13 +291,16 @@ impl NoiseComparison {
 impl NoiseComparison {
     /// The fits with what their disturbances make, in the order of the trials; none where a fit failed. Answers
     /// nothing when `stop` was raised.
-    fn weighed(&self, stop: &AtomicBool) -> Option<Vec<Option<WeighedNoise>>> {
+    fn weighed(&self, stop: &AtomicBool) -> Option<Vec<Option<Arc<WeighedNoise>>>> {
         let positions = &self.report.positions;
         let deviations = noise_ladder::residual_deviations(&self.problem, positions, stop)?;
-        let mut weighed = Vec::new();
-        for trial in &self.trials {
+        let mut weighed = self.weighed.clone();
+        for trial in &self.trials[weighed.len()..] {
             weighed.push(match trial.fitted(stop)? {
-                Some(fit) => Some(WeighedNoise::of(&self.problem, &deviations, fit, stop)?),
+                Some(fit) => {
+                    let weighed = WeighedNoise::of(&self.problem, &deviations, fit, stop)?;
+                    Some(Arc::new(weighed))
+                }
                 None => None,
             });
         }

@@ -130,19 +130,24 @@ pub fn record_with_truth(disturbed: Disturbed, friction: f64, seed: u64) -> True
 }
 
 /// The noise model that the data choose, and which parameters its intervals cover.
-pub struct Choice {
+pub struct Choice<const N: usize> {
     pub index: usize,
-    pub covers: [bool; 3],
+    pub covers: [bool; N],
 }
 
 /// Compares the noise models that a recording allows. The unknowns are searched from a tenth of the true
 /// values to ten times as much.
-pub fn choose(model: &Arc<Model>, recording: Recording, truth: [f64; 3]) -> Choice {
+pub fn choose<const N: usize>(
+    model: &Arc<Model>,
+    recording: Recording,
+    truth: [f64; N],
+) -> Choice<N> {
     let identification = Identification::new(model, recording).hold_back(0.0);
     let problem = identification.problem().unwrap();
     let never = AtomicBool::new(false);
     // The search of the free run is not at issue: it begins a tenth off.
-    let descent = refine::descend(&problem, vec![0.52, 0.48, 0.52], Accuracy::Full, &never);
+    let start = (0..N).map(|place| if place % 2 == 0 { 0.52 } else { 0.48 });
+    let descent = refine::descend(&problem, start.collect(), Accuracy::Full, &never);
     let estimate = descent.unwrap().positions;
     let candidates = noise_ladder::candidates(&problem);
     let fits = noise_ladder::fit(&problem, &estimate, &candidates, &never);
@@ -162,8 +167,10 @@ pub fn choose(model: &Arc<Model>, recording: Recording, truth: [f64; 3]) -> Choi
 }
 
 /// How often each of four noise models was chosen, and each parameter covered.
-pub fn count(choose: impl Fn(u64) -> Choice + Send + Sync) -> ([usize; 4], [usize; 3]) {
-    let choices: Vec<Choice> = (0..records()).into_par_iter().map(choose).collect();
+pub fn count<const N: usize>(
+    choose: impl Fn(u64) -> Choice<N> + Send + Sync,
+) -> ([usize; 4], [usize; N]) {
+    let choices: Vec<Choice<N>> = (0..records()).into_par_iter().map(choose).collect();
     let chosen = std::array::from_fn(|index| choices.iter().filter(|c| c.index == index).count());
     let covered = std::array::from_fn(|place| choices.iter().filter(|c| c.covers[place]).count());
     println!("chosen {chosen:?}, covered {covered:?} of {}", records());
@@ -180,7 +187,7 @@ fn study(disturbed: Disturbed) -> ([usize; 4], [usize; 3]) {
 pub const RIGHT_SHARE: f64 = 0.88;
 
 /// At least this share of the records is covered; of fewer than 100 one more may miss.
-pub fn assert_covers(covered: [usize; 3], share: f64) {
+pub fn assert_covers<const N: usize>(covered: [usize; N], share: f64) {
     let least = (share * records() as f64) as usize - usize::from(records() < 100);
     assert!(
         covered.iter().all(|count| *count >= least),

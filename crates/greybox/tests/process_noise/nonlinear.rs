@@ -107,3 +107,74 @@ fn the_intervals_of_two_tanks_whose_inflow_wanders_hold() {
     // model, and the data choose another in some.
     assert_covers(covered, 0.85);
 }
+
+/// An oscillator of Duffing, whose spring hardens, driven by ±1 and by a white force of 0.3.
+fn hardening_spring(seed: u64) -> Recording {
+    let mut rng = stream(seed, 10, Purpose::Noise);
+    let (mut x, mut v, mut drive) = (0.0, 0.0, 1.0);
+    let (mut drives, mut seen) = (Vec::new(), Vec::new());
+    let step = 0.1 / SUBSTEPS as f64;
+    for sample in 0..300 {
+        if sample % 15 == 0 {
+            drive = if below(&mut rng, 2) == 0 { 1.0 } else { -1.0 };
+        }
+        drives.push(drive);
+        seen.push(x + 0.02 * normal(&mut rng));
+        for _ in 0..SUBSTEPS {
+            let rate = drive - 0.4 * v - x - 2.0 * x.powi(3);
+            x += step * v;
+            v += step * rate + 0.3 * step.sqrt() * normal(&mut rng);
+        }
+    }
+    Recording::from_samples(0.1, [("input", "1", drives), ("seen", "1", seen)])
+}
+
+#[test]
+fn the_intervals_of_a_hardening_spring_that_is_pushed_hold() {
+    let truth = [0.4, 1.0, 2.0];
+    let [d, k, k3] = truth.map(unknown);
+    let model = model(
+        &json!({"d": d, "k": k, "k3": k3}),
+        &json!({"x": state("v", 0.0), "v": state("input - d*v - k*x - k3*x^3", 0.0)}),
+        "x",
+    );
+    let (chosen, covered) = count(|seed| choose(&model, hardening_spring(seed), truth));
+    assert_chosen(chosen, 1);
+    assert_covers(covered, RIGHT_SHARE);
+}
+
+/// An axis without a spring, of 10 kg and 20 N·s/m, driven by ±10 N and by a white force of 1 N·√s: nothing brings
+/// its position back.
+fn axis(seed: u64) -> Recording {
+    let mut rng = stream(seed, 11, Purpose::Noise);
+    let (mut x, mut v, mut force) = (0.0, 0.0, 10.0);
+    let (mut forces, mut positions) = (Vec::new(), Vec::new());
+    let step = 0.02 / SUBSTEPS as f64;
+    for sample in 0..1000 {
+        if sample % 5 == 0 {
+            force = if below(&mut rng, 2) == 0 { 10.0 } else { -10.0 };
+        }
+        forces.push(force);
+        positions.push(x + 1e-4 * normal(&mut rng));
+        for _ in 0..SUBSTEPS {
+            let rate = (force - 20.0 * v) / 10.0;
+            x += step * v;
+            v += step * rate + step.sqrt() / 10.0 * normal(&mut rng);
+        }
+    }
+    Recording::from_samples(0.02, [("input", "1", forces), ("seen", "1", positions)])
+}
+
+#[test]
+fn the_intervals_of_an_axis_without_a_spring_hold() {
+    let truth = [10.0, 20.0];
+    let [mass, damping] = truth.map(unknown);
+    let model = model(
+        &json!({"mass": mass, "damping": damping}),
+        &json!({"x": state("v", 0.0), "v": state("(input - damping*v)/mass", 0.0)}),
+        "x",
+    );
+    let (chosen, covered) = count(|seed| choose(&model, axis(seed), truth));
+    assert_chosen(chosen, 1);
+    assert_covers(covered, RIGHT_SHARE);
+}
