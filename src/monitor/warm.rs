@@ -256,6 +256,7 @@ fn narrowed(range: &SearchRange, middle: f64, variance: f64) -> SearchRange {
         lower: value_at(scale, lower).max(range.lower),
         upper: value_at(scale, upper).min(range.upper),
         scale,
+        start: None,
     }
 }
 
@@ -352,6 +353,7 @@ mod tests {
             lower: 1.0,
             upper: 100.0,
             scale,
+            start: None,
         }
     }
 

@@ -91,6 +91,7 @@ test("a specification says of a parameter only what the model does not", () => {
   assert.equal(entryOf(mass), undefined);
   assert.equal(entryOf(supply), undefined);
   assert.deepEqual(entryOf({ ...mass, upper: 90 }), { estimate: { upper: 90 } });
+  assert.deepEqual(entryOf({ ...mass, start: 60 }), { estimate: { start: 60 } });
   assert.deepEqual(entryOf({ ...mass, free: false, value: 58, tolerance: "1 %" }), {
     value: 58,
     tolerance: "1 %",

@@ -149,10 +149,12 @@ impl Estimation {
                 let positions = feasible::mirrored(problem, inside.as_deref(), positions);
                 run.descend(Some(start), positions);
             }
+            run.descend_from_stated_start(problem);
             run.refine(StopReason::GenerationLimit);
         } else if settings.generations == 0 {
             // Nothing to search: the middle of the box is refined.
             run.descend(Some(0), vec![0.5; n]);
+            run.descend_from_stated_start(problem);
             run.refine(StopReason::GenerationLimit);
         }
         run
@@ -358,6 +360,9 @@ impl Estimation {
         }
         for (search, positions) in starts {
             self.descend(Some(search), positions);
+        }
+        if finished == asked {
+            self.descend_from_stated_start(problem);
         }
         self.refine(stop_reason);
     }

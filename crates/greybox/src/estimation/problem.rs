@@ -61,6 +61,8 @@ pub struct Coordinate {
     pub upper: f64,
     /// How the range is laid out.
     pub scale: Scale,
+    /// Where a descent begins beside those of the search, SI, where the job says it.
+    pub start: Option<f64>,
     /// The prior knowledge of the unknown, where the job gives any.
     pub prior: Option<Prior>,
 }
@@ -70,6 +72,13 @@ impl Coordinate {
     #[must_use]
     pub fn value(&self, position: f64) -> f64 {
         self.scale.value(position, self.lower, self.upper)
+    }
+
+    /// The position at which the job has a descent begin; none where it says nothing.
+    #[must_use]
+    pub fn start_position(&self) -> Option<f64> {
+        let start = self.start?;
+        Some(self.scale.position(start, self.lower, self.upper))
     }
 
     /// dvalue/dposition at a position.

@@ -318,6 +318,7 @@ fn add(problem: &mut Problem, name: &str, number: NoiseNumber) {
             lower,
             upper,
             scale: Scale::Log,
+            start: None,
             prior,
         });
     }

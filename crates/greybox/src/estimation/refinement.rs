@@ -6,7 +6,7 @@ use super::refine::{self, Descent, Minimum};
 use super::sensitivity::SensitivityError;
 use super::shooting::Shooting;
 use super::stage::{EstimationStage, RefinementStage};
-use super::{Advance, Estimation, Observer, Problem, RefinementRow, StopReason, floor};
+use super::{Advance, Estimation, Observer, Problem, RefinementRow, StopReason, feasible, floor};
 use greybox_simulation::Accuracy;
 use rayon::prelude::*;
 use std::sync::atomic::AtomicBool;
@@ -32,6 +32,24 @@ impl Estimation {
         let mut descent = Descent::from(start);
         descent.search = search;
         self.state.descents.push(descent);
+    }
+
+    /// Begins a descent where the job has one begin. Unknowns of which it says nothing stand where the first
+    /// descent has them.
+    pub(super) fn descend_from_stated_start(&mut self, problem: &Problem) {
+        let coordinates = &problem.coordinates;
+        let Some(first) = self.state.descents.first() else {
+            return;
+        };
+        if coordinates.iter().all(|unknown| unknown.start.is_none()) {
+            return;
+        }
+        let positions = coordinates.iter().zip(&first.positions);
+        let positions =
+            positions.map(|(unknown, position)| unknown.start_position().unwrap_or(*position));
+        let inside = feasible::inside_of_constraints(problem);
+        let start = feasible::mirrored(problem, inside.as_deref(), positions.collect());
+        self.descend(Some(0), start);
     }
 
     /// Counts candidates that the refinement has simulated.

@@ -4,6 +4,7 @@
 //! documents (JSON merge patch, RFC 7396), so that the patched document is one that can be
 //! submitted.
 
+mod free;
 mod job;
 mod parameters;
 mod patch;

@@ -295,6 +295,7 @@ fn coordinate(assumption: &Assumption, target: Target) -> Coordinate {
         lower: least.map_or(value - room, |least| least.max(value - room)),
         upper: most.map_or(value + room, |most| most.min(value + room)),
         scale: Scale::Linear,
+        start: None,
         prior: None,
     }
 }

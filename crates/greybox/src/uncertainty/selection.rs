@@ -3,14 +3,15 @@
 //! The estimate with all effects free is refitted without each of them in turn, and without the
 //! one whose loss the criterion likes best that goes on, as long as the criterion falls (backward
 //! elimination). The model without any and those with a single one are fitted too, so that the
-//! table shows what each effect is worth alone. The criterion is Schwarz's ([`super::fit`]), of the
+//! table shows what each effect is worth alone. Where one of them comes lower than the model with all,
+//! whose search has missed its floor, that is fitted again from there. The criterion is Schwarz's ([`super::fit`]), of the
 //! data that were held back where there are any. An effect that is left out has its value in
 //! [`Problem::parameters`].
 
 use super::fit::{self, OutputFit, Part};
 use super::refits::{Refit, RefitName, RefitSequence, RefitTask};
 use super::validation_start;
-use crate::estimation::problem::Problem;
+use crate::estimation::problem::{Coordinate, Problem, Target};
 use crate::estimation::report::Report;
 use crate::estimation::trajectory;
 use greybox_simulation::Accuracy;
@@ -57,7 +58,19 @@ struct FittedModel {
     tried: TriedModel,
 }
 
+/// A model whose cost is smaller by more than this share than that of one with more unknowns has shown that the
+/// larger one is not at its floor.
+const BELOW: f64 = 1e-6;
+
 impl FittedModel {
+    /// Whether the model explains what it was fitted to better than another one.
+    fn is_below(&self, other: &FittedModel) -> bool {
+        match (self.tried.cost, other.tried.cost) {
+            (Some(cost), Some(rival)) => cost < (1.0 - BELOW) * rival,
+            (cost, rival) => cost.is_some() && rival.is_none(),
+        }
+    }
+
     fn is_better_than(&self, other: &FittedModel) -> bool {
         match (self.tried.bic, other.tried.bic) {
             (Some(criterion), Some(rival)) => criterion < rival,
@@ -94,10 +107,20 @@ pub(super) struct Elimination {
     tried: Vec<FittedModel>,
     /// The model that smaller ones are measured against.
     current: FittedModel,
-    /// Whether this is the first round, which fits the models with a single effect and with none.
-    is_first: bool,
+    round: Round,
     /// The models of this round.
     fits: Vec<ModelFit>,
+}
+
+/// A round of an elimination.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Round {
+    /// The models with a single effect and with none, which show what each effect is worth.
+    Singles,
+    /// The model with all effects, from where a smaller one came lower.
+    Raise,
+    /// The models with one effect less than the best.
+    Eliminate,
 }
 
 impl Elimination {
@@ -135,7 +158,7 @@ impl Elimination {
             basis,
             tried: Vec::new(),
             current: whole,
-            is_first: true,
+            round: Round::Singles,
             fits,
         })
     }
@@ -149,31 +172,75 @@ impl Elimination {
     /// Goes on when all models of the round are fitted.
     pub fn after_round(&self) -> AfterRound {
         let fitted: Vec<&FittedModel> = self.fits.iter().filter_map(ModelFit::fitted).collect();
-        let best = fitted.iter().fold(None, |best, fit| match best {
-            Some(best) if !fit.is_better_than(best) => Some(best),
-            _ => Some(*fit),
-        });
-        let better = best.filter(|best| best.is_better_than(&self.current));
         let mut tried = self.tried.clone();
-        tried.extend(fitted.into_iter().cloned());
-        let current = match better {
-            // The first round only shows what each effect is worth alone.
-            _ if self.is_first => {
-                tried.push(self.current.clone());
-                &self.current
+        tried.extend(fitted.iter().copied().cloned());
+        match self.round {
+            Round::Singles => match fitted.iter().find(|fit| fit.is_below(&self.current)) {
+                Some(_) => self.raise(&fitted, tried),
+                None => {
+                    tried.push(self.current.clone());
+                    self.eliminate(&self.basis, &self.current, tried)
+                }
+            },
+            Round::Raise => {
+                let raised = fitted.iter().find(|raised| raised.is_below(&self.current));
+                let whole = raised.map_or(&self.current, |raised| *raised);
+                let mut tried = self.tried.clone();
+                tried.push(whole.clone());
+                self.eliminate(&self.basis.standing_at(whole), whole, tried)
             }
-            Some(better) => better,
-            None => return AfterRound::Selected(Box::new(self.selected(tried))),
+            Round::Eliminate => {
+                let best = fitted.iter().fold(None, |best, fit| match best {
+                    Some(best) if !fit.is_better_than(best) => Some(best),
+                    _ => Some(*fit),
+                });
+                match best.filter(|best| best.is_better_than(&self.current)) {
+                    Some(better) => self.eliminate(&self.basis, better, tried),
+                    None => AfterRound::Selected(Box::new(self.selected(tried))),
+                }
+            }
+        }
+    }
+
+    /// Fits the model with all effects from the lowest of smaller ones.
+    fn raise(&self, fitted: &[&FittedModel], tried: Vec<FittedModel>) -> AfterRound {
+        let lowest = fitted.iter().fold(&self.current, |lowest, fit| {
+            if fit.is_below(lowest) { fit } else { lowest }
+        });
+        let start = self.basis.raised(lowest);
+        let raised = ModelFit {
+            basis: Arc::clone(&self.basis),
+            effects: self.basis.effects.clone(),
+            stage: FitStage::Coarse {
+                problem: self.basis.problem.clone(),
+                start,
+            },
         };
+        AfterRound::Further(Box::new(Elimination {
+            basis: Arc::clone(&self.basis),
+            current: self.current.clone(),
+            round: Round::Raise,
+            fits: vec![raised],
+            tried,
+        }))
+    }
+
+    /// Tries the models with one effect less than the current one.
+    fn eliminate(
+        &self,
+        basis: &Arc<EliminationBasis>,
+        current: &FittedModel,
+        tried: Vec<FittedModel>,
+    ) -> AfterRound {
         let kept = &current.tried.effects;
         let without = |left: &String| kept.iter().filter(|kept| *kept != left).cloned().collect();
         let is_new = |effects: &Vec<String>| tried.iter().all(|fit| fit.tried.effects != *effects);
         let smaller = kept.iter().map(without).filter(is_new);
-        let fits = ModelFit::all(&self.basis, smaller);
+        let fits = ModelFit::all(basis, smaller);
         AfterRound::Further(Box::new(Elimination {
-            basis: Arc::clone(&self.basis),
+            basis: Arc::clone(basis),
             current: current.clone(),
-            is_first: false,
+            round: Round::Eliminate,
             fits,
             tried,
         }))
@@ -207,7 +274,7 @@ impl Elimination {
 const HOPELESS: f64 = 100.0;
 
 /// What all fits have in common.
-#[derive(Debug)]
+#[derive(Clone, Debug)]
 struct EliminationBasis {
     problem: Problem,
     /// The estimate with all effects.
@@ -308,6 +375,35 @@ impl RefitSequence for ModelFit {
 }
 
 impl EliminationBasis {
+    /// The basis with the estimate that the model with all effects has come to.
+    fn standing_at(&self, whole: &FittedModel) -> Arc<EliminationBasis> {
+        let mut basis = self.clone();
+        basis.report.positions.clone_from(&whole.positions);
+        Arc::new(basis)
+    }
+
+    /// The positions of the model with all effects where it is a smaller one.
+    fn raised(&self, smaller: &FittedModel) -> Vec<f64> {
+        let position = |(place, unknown): (usize, &Coordinate)| {
+            let fitted = smaller.problem.coordinates.iter();
+            let mut fitted = fitted.zip(&smaller.positions);
+            let fitted = fitted.find(|(fitted, _)| fitted.name == unknown.name);
+            let left_out = || match unknown.target {
+                Target::Parameter(parameter) => {
+                    let value = smaller.problem.parameters[parameter];
+                    let Coordinate { lower, upper, .. } = *unknown;
+                    unknown
+                        .scale
+                        .position(value.clamp(lower, upper), lower, upper)
+                }
+                _ => self.report.positions[place],
+            };
+            fitted.map_or_else(left_out, |(_, position)| *position)
+        };
+        let unknowns = self.problem.coordinates.iter().enumerate();
+        unknowns.map(position).collect()
+    }
+
     /// The problem without the effects that a model leaves out, and where to fit it from.
     fn reduced(&self, effects: &[String]) -> (Problem, Vec<f64>) {
         let is_left_out = |name: &String| self.effects.contains(name) && !effects.contains(name);
@@ -356,3 +452,6 @@ impl EliminationBasis {
         })
     }
 }
+
+#[cfg(test)]
+mod tests;

@@ -72,6 +72,7 @@ fn alone(problem: &Problem, place: usize, positions: &[f64]) -> Problem {
             lower: unknown.lower,
             upper: unknown.upper,
             scale: Scale::Linear,
+            start: None,
             prior: None,
         }
     };

@@ -19,6 +19,7 @@ export function parameterRows(model, entries = {}) {
       lower: entry?.estimate?.lower ?? about.lower,
       upper: entry?.estimate?.upper ?? about.upper,
       scale: entry?.estimate?.scale ?? about.scale,
+      start: entry?.estimate?.start ?? null,
       prior: entry?.prior ?? null,
     };
   });
@@ -39,9 +40,18 @@ export function entryOf(row) {
       estimate[side] = row[side];
     }
   }
+  if (row.start !== null) {
+    estimate.start = row.start;
+  }
   const entry = row.prior ? { estimate, prior: row.prior } : { estimate };
   const usual = about.unknown_by_default && Object.keys(estimate).length === 0 && !row.prior;
   return usual ? undefined : entry;
+}
+
+// The middle of a row's range, on its scale.
+export function middleOf({ lower, upper, scale }) {
+  const middle = scale === "log" ? Math.sqrt(lower * upper) : (lower + upper) / 2;
+  return Number(middle.toPrecision(3));
 }
 
 // A tolerance of `1 %` stays a share; `0.5` becomes a number in the unit of what is known, and an empty

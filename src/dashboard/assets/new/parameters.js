@@ -2,7 +2,7 @@
 // This part of the form has a row for each parameter of a new job: a value with its tolerance or a
 // range of the search, and beside it the standard error that the check before the start expects.
 
-import { entryOf, parameterRows } from "../model/parameters.js";
+import { entryOf, middleOf, parameterRows } from "../model/parameters.js";
 import { namesIn } from "../shell/description.js";
 import { h } from "../shell/dom.js";
 import { number, unitText, words } from "../shell/format.js";
@@ -152,6 +152,7 @@ function fields(job, row, put) {
         h("option", { value: scale, selected: scale === row.scale }, scale),
       ),
     ),
+    startFields(row, put),
     row.prior
       ? h(
           "span",
@@ -186,6 +187,39 @@ function fields(job, row, put) {
           },
           "+ prior",
         ),
+  );
+}
+
+// The value at which a descent begins beside those of the search, where the job says one.
+function startFields(row, put) {
+  const name = words(row.about.name);
+  if (row.start === null) {
+    return h(
+      "button",
+      {
+        type: "button",
+        class: "small",
+        "aria-label": `+ start: a value of ${name} at which a descent begins`,
+        onclick: () => put({ start: middleOf(row) }),
+      },
+      "+ start",
+    );
+  }
+  return h(
+    "span",
+    { class: "together prior" },
+    "a descent begins at",
+    field(`${name}, start of a descent`, row.start, (start) => put({ start })),
+    h(
+      "button",
+      {
+        type: "button",
+        class: "small",
+        "aria-label": `× forget the start of ${name}`,
+        onclick: () => put({ start: null }),
+      },
+      "×",
+    ),
   );
 }
 

@@ -50,6 +50,7 @@ fn coordinate(
         lower: free.estimate.lower,
         upper: free.estimate.upper,
         scale: free.estimate.scale,
+        start: free.estimate.start,
         prior: free.prior.map(|prior| prior.distribution()),
     }
 }

@@ -82,6 +82,7 @@ impl FreeState {
             lower: self.lower,
             upper: self.upper,
             scale: Scale::Linear,
+            start: None,
             prior: self.prior,
         }
     }

@@ -4,10 +4,10 @@ use super::{Change, DIGITS, Finished};
 use crate::estimation::problem::{Assumed, Assumption, Coordinate, SensorNumber, Target};
 use crate::identification::JobSpec;
 use crate::identification::spec::{
-    ExperimentRole, FixedValue, FreeParameter, FreeState, InitialStateSpec, ParameterSpec,
-    PriorSpec, SearchRange, StateRange,
+    FixedValue, FreeParameter, FreeState, InitialStateSpec, ParameterSpec, PriorSpec, SearchRange,
+    StateRange,
 };
-use crate::uncertainty::budget::{BETTER, Line};
+use crate::uncertainty::budget::BETTER;
 use greybox_numerics::digits::{rounded, short};
 use greybox_simulation::model::{ModelDescription, ParameterDescription, Scale, Tolerance};
 
@@ -15,8 +15,6 @@ use greybox_simulation::model::{ModelDescription, ParameterDescription, Scale, T
 const WIDTHS: f64 = 2.0;
 /// A range on a log scale is widened by this factor.
 const FACTOR: f64 = 10.0;
-/// The range of a start that is freed goes so many standard deviations beyond what is known.
-const DEVIATIONS: f64 = 5.0;
 
 /// Which end of a range is meant.
 #[derive(Clone, Copy, PartialEq, Eq)]
@@ -122,63 +120,6 @@ impl Finished<'_> {
             both.reverse();
         }
         both
-    }
-
-    /// A number that was taken as known becomes an unknown.
-    pub(super) fn free_assumption(&self, line: usize) -> Option<Change> {
-        let line = &self.conclusion.analysis.budget.lines[line];
-        let Assumed::Model(target) = line.assumption.target else {
-            return None;
-        };
-        let estimates = |experiment: usize| {
-            self.spec.experiments[experiment].role == ExperimentRole::Estimation
-        };
-        if !target.experiment().is_none_or(estimates) {
-            return None;
-        }
-        Some(Change {
-            label: format!("Free {}", self.words(target)),
-            why: match line.suggested {
-                Some((value, _)) => {
-                    let value = with_unit(value, &line.assumption.unit);
-                    format!("{value} would explain what is left.")
-                }
-                None => "The residuals contradict its value.".to_owned(),
-            },
-            spec: self.changed(|spec| self.free(spec, target, line)),
-        })
-    }
-
-    /// Puts a range in the place of a number that was taken as known.
-    pub(super) fn free(&self, spec: &mut JobSpec, target: Target, line: &Line) {
-        if let Some(parameter) = self.parameter(target) {
-            let estimate = range_around(parameter, line);
-            let free = ParameterSpec::Free(FreeParameter {
-                estimate,
-                prior: None,
-            });
-            put(spec, target, &parameter.name, free);
-        } else if let Target::InitialState { experiment, state } = target {
-            let (value, tolerance) = (line.assumption.value, line.assumption.tolerance);
-            let (suggested, error) = line.suggested.unwrap_or((value, tolerance));
-            let reach = |value: f64, deviation: f64| {
-                let reach = DEVIATIONS * deviation;
-                [value - reach, value + reach]
-            };
-            let [low, high] = reach(value, tolerance);
-            let [suggested_low, suggested_high] = reach(suggested, error);
-            let estimate = StateRange {
-                lower: rounded(low.min(suggested_low), DIGITS),
-                upper: rounded(high.max(suggested_high), DIGITS),
-            };
-            let free = InitialStateSpec::Free(FreeState {
-                estimate,
-                prior: None,
-            });
-            let states = &self.description().states;
-            let starts = &mut spec.experiments[experiment].initial_state;
-            starts.insert(states[state].name.to_string(), free);
-        }
     }
 
     /// A number that was taken as known is known better.
@@ -320,6 +261,7 @@ impl Finished<'_> {
                         lower,
                         upper,
                         scale,
+                        start: None,
                     };
                     let free = ParameterSpec::Free(FreeParameter { estimate, prior });
                     put(spec, target, &parameter.name, free);
@@ -340,7 +282,7 @@ impl Finished<'_> {
     }
 
     /// The parameter that a number is; none for an initial state.
-    fn parameter(&self, target: Target) -> Option<&ParameterDescription> {
+    pub(super) fn parameter(&self, target: Target) -> Option<&ParameterDescription> {
         match target {
             Target::Parameter(parameter) | Target::ExperimentParameter { parameter, .. } => {
                 Some(&self.description().parameters[parameter])
@@ -388,7 +330,7 @@ impl Finished<'_> {
 }
 
 /// Says something else of a parameter that experiments share, or of one experiment's own.
-fn put(spec: &mut JobSpec, target: Target, name: &str, value: ParameterSpec) {
+pub(super) fn put(spec: &mut JobSpec, target: Target, name: &str, value: ParameterSpec) {
     let parameters = match target.experiment() {
         None => &mut spec.parameters,
         Some(experiment) => &mut spec.experiments[experiment].parameters,
@@ -435,7 +377,7 @@ fn leave_model_search(spec: &mut JobSpec, name: &str) {
 }
 
 /// The nearest value that the parameter can physically have.
-fn possible(value: f64, parameter: &ParameterDescription) -> f64 {
+pub(super) fn possible(value: f64, parameter: &ParameterDescription) -> f64 {
     let value = parameter.minimum.map_or(value, |least| value.max(least));
     parameter.maximum.map_or(value, |most| value.min(most))
 }
@@ -468,25 +410,7 @@ fn widened(
     (is_wider && (scale == Scale::Linear || bound > 0.0)).then_some(bound)
 }
 
-/// The range of the model, with the value that was taken and the one that is suggested inside.
-fn range_around(parameter: &ParameterDescription, line: &Line) -> SearchRange {
-    let taken = line.assumption.value;
-    let suggested = line.suggested.map_or(taken, |(value, _)| value);
-    let inside = [taken, possible(rounded(suggested, DIGITS), parameter)];
-    let lower = inside.into_iter().fold(parameter.lower, f64::min);
-    let upper = inside.into_iter().fold(parameter.upper, f64::max);
-    let scale = match lower > 0.0 {
-        true => parameter.scale,
-        false => Scale::Linear,
-    };
-    SearchRange {
-        lower,
-        upper,
-        scale,
-    }
-}
-
-fn with_unit(value: f64, unit: &str) -> String {
+pub(super) fn with_unit(value: f64, unit: &str) -> String {
     let number = short(value, DIGITS);
     match unit {
         "" | "1" => number,

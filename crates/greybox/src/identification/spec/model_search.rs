@@ -109,13 +109,8 @@ pub(super) fn freed(
         if let (Some(described), Some(ParameterSpec::Fixed(_))) =
             (described, parameters.get(effect))
         {
-            let estimate = SearchRange {
-                lower: described.lower,
-                upper: described.upper,
-                scale: described.scale,
-            };
             let free = ParameterSpec::Free(FreeParameter {
-                estimate,
+                estimate: SearchRange::of(described),
                 prior: None,
             });
             parameters.insert(effect.clone(), free);

@@ -60,6 +60,25 @@ pub struct SearchRange {
     /// How the range is laid out.
     #[schema(required = false)]
     pub scale: Scale,
+    /// Where a descent begins beside those of the search, within the range: what is known from a data sheet, or
+    /// what an earlier job came to. Unknowns without one stand there where the best candidate of the search has
+    /// them.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    #[schema(nullable = false)]
+    pub start: Option<f64>,
+}
+
+impl SearchRange {
+    /// The range of a model's parameter.
+    #[must_use]
+    pub fn of(parameter: &ParameterDescription) -> SearchRange {
+        SearchRange {
+            lower: parameter.lower,
+            upper: parameter.upper,
+            scale: parameter.scale,
+            start: None,
+        }
+    }
 }
 
 /// One entry for each parameter of the model; what the section leaves out is the model's.
@@ -140,11 +159,7 @@ fn index_of(name: &str, field: &Field<'_>, model: &ModelDescription) -> Option<u
 fn by_default(parameter: &ParameterDescription) -> ParameterSpec {
     if parameter.unknown_by_default {
         ParameterSpec::Free(FreeParameter {
-            estimate: SearchRange {
-                lower: parameter.lower,
-                upper: parameter.upper,
-                scale: parameter.scale,
-            },
+            estimate: SearchRange::of(parameter),
             prior: None,
         })
     } else {
@@ -200,6 +215,7 @@ fn read_range(field: &Field<'_>, parameter: &ParameterDescription) -> Option<Sea
     let lower = lower.map_or(Some(parameter.lower), |field| possible(&field, parameter));
     let upper = upper.map_or(Some(parameter.upper), |field| possible(&field, parameter));
     let scale = scale.unwrap_or(Some(parameter.scale));
+    let start = object.optional("start");
     object.finish();
     let (lower, upper, scale) = (lower?, upper?, scale?);
     let at_lower = at_lower.as_ref().unwrap_or(field);
@@ -210,10 +226,15 @@ fn read_range(field: &Field<'_>, parameter: &ParameterDescription) -> Option<Sea
         at_lower.fault("log_scale_not_positive", detail);
         return None;
     }
+    let start = match start {
+        Some(field) => Some(within(&field, lower, upper)?),
+        None => None,
+    };
     Some(SearchRange {
         lower,
         upper,
         scale,
+        start,
     })
 }
 
@@ -225,6 +246,17 @@ pub(super) fn check_range(field: &Field<'_>, lower: f64, upper: f64) -> Option<(
         return None;
     }
     Some(())
+}
+
+/// A number within a range; nothing, with a fault, where it lies outside.
+fn within(field: &Field<'_>, lower: f64, upper: f64) -> Option<f64> {
+    let number = field.number()?;
+    if !(lower..=upper).contains(&number) {
+        let detail = format!("{number} is outside the search range, {lower} to {upper}");
+        field.fault("start_outside_range", detail);
+        return None;
+    }
+    Some(number)
 }
 
 /// A number that the parameter can physically have.
