@@ -41,6 +41,7 @@ pub mod sensitivity;
 pub mod settings;
 pub mod shooting;
 pub mod smoothing;
+pub mod sought_noise;
 pub mod speculative_search;
 mod stage;
 mod standing;

@@ -12,6 +12,7 @@ use super::problem::Problem;
 use super::process_noise::{NoiseFault, NoiseModel, NoiseNumber, ProcessNoise, filtered};
 use super::refine::{self, Linearisation};
 use super::sensitivity::SensitivityError;
+use super::sought_noise::{SoughtDisturbance, SoughtNumber, candidates};
 use super::trajectory;
 use greybox_numerics::statistics;
 use greybox_simulation::Accuracy;
@@ -19,9 +20,6 @@ use greybox_simulation::model::Scale;
 use greybox_simulation::program::{ActsOn, Disturbance, DisturbanceKind};
 use rayon::prelude::*;
 use std::sync::atomic::AtomicBool;
-
-/// Disturbed states at the most.
-const MOST_STATES: usize = 4;
 
 /// The least noise of a sensor, as a share of the residuals of the free run: a position encoder may be so much
 /// better than the model.
@@ -41,38 +39,6 @@ pub const COVARIANCE_STEPS: u32 = 2;
 
 /// One step is enough where more change the logarithm of the likelihood by less.
 const SAME_LIKELIHOOD: f64 = 0.05;
-
-/// A number of a disturbance that is looked for, or given.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub enum SoughtNumber {
-    /// The number as the filter takes it.
-    Stated(NoiseNumber),
-    /// An unknown whose range follows from the residuals of the free run and from the record.
-    Open,
-}
-
-/// A disturbance whose numbers are looked for.
-#[derive(Clone, Debug, PartialEq)]
-pub struct SoughtDisturbance {
-    /// The quantity that the disturbance acts on, and how it moves.
-    pub disturbance: Disturbance,
-    /// How strong it is `[unit of what it acts on · √s]`.
-    pub strength: SoughtNumber,
-    /// How long one with memory remembers `[s]`.
-    pub time_constant: SoughtNumber,
-}
-
-impl SoughtDisturbance {
-    /// A disturbance of which nothing is known.
-    #[must_use]
-    pub fn open(acts_on: ActsOn, kind: DisturbanceKind) -> SoughtDisturbance {
-        SoughtDisturbance {
-            disturbance: Disturbance { acts_on, kind },
-            strength: SoughtNumber::Open,
-            time_constant: SoughtNumber::Open,
-        }
-    }
-}
 
 /// A noise model that is about to be fitted to the data.
 #[derive(Clone, Debug)]
@@ -111,24 +77,6 @@ impl FittedNoise {
     }
 }
 
-/// The noise models that a problem may have, the simplest first.
-#[must_use]
-pub fn candidates(problem: &Problem) -> Vec<Vec<SoughtDisturbance>> {
-    let mut candidates = vec![Vec::new()];
-    let driven = problem.model.driven_states();
-    for kind in [DisturbanceKind::White, DisturbanceKind::Memory] {
-        let states = driven.iter().take(MOST_STATES);
-        let on_rate = |state: &usize| SoughtDisturbance::open(ActsOn::Rate(*state), kind);
-        candidates.extend(states.map(|state| vec![on_rate(state)]));
-    }
-    let outputs = problem.outputs.iter().map(|output| output.index);
-    candidates.extend(outputs.map(|output| {
-        let acts_on = ActsOn::Output(output);
-        vec![SoughtDisturbance::open(acts_on, DisturbanceKind::Memory)]
-    }));
-    candidates
-}
-
 /// Finds for each noise model where its descent begins, from the estimate of the free run. Answers
 /// nothing when `stop` was raised.
 ///
@@ -150,9 +98,7 @@ pub fn trials(
         beside: None,
         stop,
     };
-    let trials = candidates.par_iter().map(|sought| fit.trial(sought));
-    let trials: Result<Vec<_>, NoiseFault> = trials.collect();
-    Ok(trials?.into_iter().collect())
+    fit.trials(candidates)
 }
 
 /// A noise model that was fitted, which leaves something unexplained.
@@ -165,9 +111,9 @@ pub struct FittedBasis<'a> {
     pub coloured: &'a [usize],
 }
 
-/// Finds where the descents begin of noise models that have another disturbance beside those of a fitted one, from
-/// what was fitted: of a state that has none, or of the sensor of a coloured output. Empty where there is none. Answers nothing when `stop` was
-/// raised.
+/// Finds where the descents begin of noise models that have another disturbance beside those of a fitted one: of a
+/// state that has none, or of the sensor of a coloured output. Empty where there is none. Answers nothing when
+/// `stop` was raised.
 ///
 /// # Errors
 /// Where the model or the problem does not allow a filter.
@@ -187,8 +133,7 @@ pub fn with_another(
         beside: Some(basis),
         stop,
     };
-    let present = basis.fit.trial.noise.disturbances.iter();
-    let present: Vec<Disturbance> = present.map(|noise| noise.disturbance).collect();
+    let present = &basis.fit.trial.noise.disturbances;
     let may_explain = |added: &SoughtDisturbance| match added.disturbance.acts_on {
         ActsOn::Output(index) => {
             let mut coloured = basis.coloured.iter();
@@ -197,20 +142,18 @@ pub fn with_another(
         ActsOn::Rate(_) | ActsOn::Parameter(_) => true,
     };
     let is_new = |added: &SoughtDisturbance| {
-        let mut present = present.iter();
+        let mut present = present.iter().map(|noise| noise.disturbance);
         present.all(|present| present.acts_on != added.disturbance.acts_on)
     };
     let added = candidates(problem).into_iter().flatten();
     let added = added.filter(|added| is_new(added) && may_explain(added));
-    let before = present
-        .iter()
-        .map(|Disturbance { acts_on, kind }| SoughtDisturbance::open(*acts_on, *kind));
+    let before = present.iter().map(|noise| {
+        let Disturbance { acts_on, kind } = noise.disturbance;
+        SoughtDisturbance::open(acts_on, kind)
+    });
     let before: Vec<SoughtDisturbance> = before.collect();
     let sought = added.map(|added| before.iter().cloned().chain([added]).collect());
-    let sought: Vec<Vec<SoughtDisturbance>> = sought.collect();
-    let trials = sought.par_iter().map(|sought| fit.trial(sought));
-    let trials: Result<Vec<_>, NoiseFault> = trials.collect();
-    Ok(trials?.into_iter().collect())
+    fit.trials(&sought.collect::<Vec<_>>())
 }
 
 /// Fits each noise model from the estimate of the free run, in the order in which they are named; none where
@@ -350,6 +293,16 @@ struct NoiseFit<'a> {
 }
 
 impl NoiseFit<'_> {
+    /// The trial of each noise model. Answers nothing when `stop` was raised.
+    fn trials(
+        &self,
+        candidates: &[Vec<SoughtDisturbance>],
+    ) -> Result<Option<Vec<NoiseTrial>>, NoiseFault> {
+        let trials = candidates.par_iter().map(|sought| self.trial(sought));
+        let trials: Result<Vec<_>, NoiseFault> = trials.collect();
+        Ok(trials?.into_iter().collect())
+    }
+
     /// Answers nothing when `stop` was raised.
     fn trial(&self, sought: &[SoughtDisturbance]) -> Result<Option<NoiseTrial>, NoiseFault> {
         let Some(strengths) = self.strengths(sought)? else {
@@ -362,7 +315,10 @@ impl NoiseFit<'_> {
             deviations: self.deviations,
             noise: &noise,
             strengths: &strengths,
-            beside: self.beside.as_ref().map(ScannedBasis::of),
+            beside: self.beside.map(|basis| ScannedBasis {
+                noise: basis.fit.estimated_noise(),
+                coloured: basis.coloured.to_vec(),
+            }),
         };
         match scan.best(&problem, self.stop) {
             Some(start) => self.close_enough(NoiseTrial {

@@ -1,6 +1,5 @@
 //! Where the descent of a noise model begins: the best point of a grid of noises at an estimate.
 
-use super::noise_ladder::FittedBasis;
 use super::problem::{Coordinate, Problem};
 use super::process_noise::{NoiseModel, NoiseNumber};
 use super::sensitivity::{Directions, Neighbourhood, SHIFT, Sides};
@@ -28,19 +27,12 @@ const SCANNED_TOGETHER: usize = 32;
 /// The noises that a fitted model has, beside which another disturbance is scanned.
 pub(super) struct ScannedBasis {
     /// The noises with the values of the fit.
-    noise: NoiseModel,
+    pub noise: NoiseModel,
     /// The places of the compared outputs whose sensors are scanned too.
-    coloured: Vec<usize>,
+    pub coloured: Vec<usize>,
 }
 
 impl ScannedBasis {
-    pub fn of(basis: &FittedBasis<'_>) -> ScannedBasis {
-        ScannedBasis {
-            noise: basis.fit.estimated_noise(),
-            coloured: basis.coloured.to_vec(),
-        }
-    }
-
     /// The numbers of a disturbance of the fitted model, by its place.
     fn disturbance(&self, place: usize) -> Option<Vec<f64>> {
         let numbers = self.noise.disturbances.get(place)?.numbers();

@@ -7,11 +7,11 @@
 use super::JobSpec;
 use super::assemble;
 use super::tried::{TriedParameter, TriedStep};
-use crate::estimation::noise_ladder::{SoughtDisturbance, SoughtNumber};
 use crate::estimation::problem::{Assumed, Coordinate, Problem};
 use crate::estimation::process_noise::ProcessNoise;
 use crate::estimation::refine;
 use crate::estimation::report::Report;
+use crate::estimation::sought_noise::{SoughtDisturbance, SoughtNumber};
 use crate::uncertainty::{self, Conclusion, CoordinateUncertainty, Refits, Request, SoughtNoise};
 use greybox_numerics::statistics::finite;
 use greybox_simulation::Accuracy;

@@ -12,6 +12,7 @@ use crate::estimation::noise_ladder::{self, FittedBasis, FittedNoise, NoiseTrial
 use crate::estimation::problem::{Assumption, Problem};
 use crate::estimation::process_noise::filtered;
 use crate::estimation::report::Report;
+use crate::estimation::sought_noise;
 use crate::estimation::trajectory;
 use greybox_numerics::statistics;
 use greybox_simulation::Accuracy;
@@ -124,7 +125,7 @@ impl NoiseComparison {
         let Solved { problem, report } = unmoved;
         let candidates = match &request.noise {
             SoughtNoise::None => return Some(None),
-            SoughtNoise::Auto => noise_ladder::candidates(problem),
+            SoughtNoise::Auto => sought_noise::candidates(problem),
             SoughtNoise::Listed(listed) => vec![Vec::new(), listed.clone()],
         };
         let is_listed = matches!(request.noise, SoughtNoise::Listed(_));

@@ -1,7 +1,7 @@
 //! How much is asked about an estimate's uncertainty.
 
 use super::identifiability::FlatDirection;
-use crate::estimation::noise_ladder::SoughtDisturbance;
+use crate::estimation::sought_noise::SoughtDisturbance;
 use greybox_numerics::{settings, words};
 use serde::{Deserialize, Serialize};
 use utoipa::ToSchema;

@@ -5,6 +5,7 @@
 
 use greybox::estimation::noise_ladder::{self, FittedNoise};
 use greybox::estimation::refine;
+use greybox::estimation::sought_noise;
 use greybox::numerics::rng::{Purpose, below, normal, stream};
 use greybox::simulation::Accuracy;
 use greybox::{Identification, Model, Recording};
@@ -149,7 +150,7 @@ pub fn choose<const N: usize>(
     let start = (0..N).map(|place| if place % 2 == 0 { 0.52 } else { 0.48 });
     let descent = refine::descend(&problem, start.collect(), Accuracy::Full, &never);
     let estimate = descent.unwrap().positions;
-    let candidates = noise_ladder::candidates(&problem);
+    let candidates = sought_noise::candidates(&problem);
     let fits = noise_ladder::fit(&problem, &estimate, &candidates, &never);
     let fits = fits.unwrap().unwrap();
     let bic = |fit: &Option<FittedNoise>| fit.as_ref().map_or(f64::INFINITY, |fit| fit.bic);

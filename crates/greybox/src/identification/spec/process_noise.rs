@@ -3,9 +3,9 @@
 use super::parameter::check_range;
 use super::{PriorSpec, entries, prior};
 use crate::estimation::Settings;
-use crate::estimation::noise_ladder::{SoughtDisturbance, SoughtNumber};
 use crate::estimation::prior::Prior;
 use crate::estimation::process_noise::{NoiseNumber, ProcessNoise};
+use crate::estimation::sought_noise::{SoughtDisturbance, SoughtNumber};
 use crate::uncertainty::{self, SoughtNoise};
 use greybox_numerics::parsing::reader::{Field, Object, did_you_mean};
 use greybox_simulation::model::{ModelDescription, Scale};
