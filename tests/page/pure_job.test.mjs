@@ -6,7 +6,11 @@ import test from "node:test";
 
 const part = (name) => import(new URL(`../../src/dashboard/assets/${name}`, import.meta.url));
 const { criterionChange, followed, moves } = await part("job/ancestry.js");
+const { budgetBars, placedParts, shareText } = await part("job/budget.js");
+const { correlationText } = await part("job/correlation.js");
 const { judged } = await part("job/effects.js");
+const { cellAfter } = await part("job/reading.js");
+const { AxisWidths } = await part("plot/axes.js");
 const { clockOf } = await part("plot/clock.js");
 const { choices, recordedUnit, shownUnit, toShown } = await part("plot/units.js");
 const { withGaps } = await part("plot/math.js");
@@ -153,4 +157,80 @@ test("no line crosses a span without samples", () => {
     [0, 1],
     [1, 2],
   ]);
+});
+
+// The budget of two parameters: eleven assumptions, of which the last makes up for another.
+const BUDGET = {
+  parameters: [
+    { name: "mass", unit: "kg", standard_error: 3, total_standard_error: 5 },
+    { name: "friction", unit: "N", standard_error: 1, total_standard_error: 2 },
+    { name: "gain", unit: "1", standard_error: 1, total_standard_error: null },
+  ],
+  budget: Array.from({ length: 11 }, (_, k) => {
+    const share = k === 10 ? -0.05 : k === 0 ? 0.4 : 0.02 + 0.001 * k;
+    const contributions = { mass: { share, standard_error: 1, total_if_better: 2 } };
+    return { assumption: `assumption_${k}`, value: 1, tolerance: 1, unit: "1", contributions };
+  }),
+};
+
+test("the parts of each bar of the budget sum to a hundred per cent, and the rest is named", () => {
+  const { bars, sources } = budgetBars(BUDGET);
+  assert.deepEqual(
+    bars.map(({ key }) => key),
+    ["mass", "friction"],
+  );
+  for (const { parts } of bars) {
+    assert.ok(Math.abs(parts.reduce((sum, { share }) => sum + share, 0) - 1) < 1e-12);
+  }
+  const [mass, friction] = bars;
+  assert.equal(mass.parts[0].share, 9 / 25);
+  assert.equal(mass.parts[1].source, "assumption 0");
+  const rest = mass.parts.find(({ look }) => look === "rest");
+  assert.equal(rest.detail, "assumption 3 2.3 %, assumption 2 2.2 %, assumption 1 2.1 %");
+  assert.deepEqual(
+    friction.parts.map(({ look, share }) => [look, share]),
+    [
+      ["noise", 0.25],
+      ["beside", 0.75],
+    ],
+  );
+  assert.equal(sources.length, 11);
+});
+
+test("a share below zero stands left of zero", () => {
+  assert.deepEqual(placedParts([{ share: 0.75 }, { share: -0.25 }, { share: 0.5 }]), [
+    { from: 0, to: 0.75 },
+    { from: -0.25, to: 0 },
+    { from: 0.75, to: 1.25 },
+  ]);
+  assert.equal(shareText(0.4137), "41.4 %");
+  assert.equal(shareText(-0.0012), "−0.12 %");
+});
+
+test("a correlation near one is written with its distance from one", () => {
+  assert.equal(correlationText(-0.997), "−0.997");
+  assert.equal(correlationText(0.5), "0.5");
+  assert.equal(correlationText(null), "–");
+});
+
+test("arrow keys go from value to value of a picture, and stop at its edges", () => {
+  const lengths = [3, 1, 2];
+  assert.deepEqual(cellAfter(lengths, [0, 0], "ArrowRight"), [0, 1]);
+  assert.equal(cellAfter(lengths, [0, 2], "ArrowRight"), null);
+  assert.deepEqual(cellAfter(lengths, [0, 2], "ArrowDown"), [1, 0]);
+  assert.equal(cellAfter(lengths, [0, 0], "ArrowUp"), null);
+  assert.deepEqual(cellAfter(lengths, [2, 0], "End"), [2, 1]);
+  assert.equal(cellAfter(lengths, [2, 0], "x"), null);
+});
+
+test("axes below each other are as wide as the widest of them needs", () => {
+  let drawings = 0;
+  const axes = new AxisWidths(() => {
+    drawings += 1;
+  });
+  assert.equal(axes.widthOf("position", 40), 40);
+  assert.equal(axes.widthOf("residual", 80), 80);
+  assert.equal(axes.widthOf("position", 40), 80);
+  assert.equal(drawings, 2);
+  assert.equal(axes.widthOf("residual", 30), 40);
 });

@@ -23,7 +23,7 @@ export function disturbancePanel(view, id) {
   const content = h("div", {});
   const element = h(
     "section",
-    { "aria-label": "What acted on the plant", hidden: true },
+    { "aria-label": "What acted on the plant", "data-part": "What acted on the plant", hidden: true },
     h("h2", { id: "disturbance" }, "What acted on the plant"),
     outcome.place,
     content,
@@ -162,7 +162,7 @@ function pictures({ disturbance, index, group, held, signal }) {
     title: `Disturbance of the ${name}`,
     x,
     y: { label: `disturbance of the ${name}`, unit, difference: true },
-    height: 240,
+    height: 280,
     group,
     spans,
     signal,
@@ -177,7 +177,7 @@ function pictures({ disturbance, index, group, held, signal }) {
     title: "How unexpected each change is (t)",
     x,
     y: { label: "t", unit: "" },
-    height: 140,
+    height: 220,
     group,
     spans,
     signal,

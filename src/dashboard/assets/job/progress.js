@@ -31,7 +31,7 @@ export function progressPanel(view) {
   });
   const element = h(
     "section",
-    { "aria-label": "Progress" },
+    { "aria-label": "Progress", "data-part": "The search" },
     h("h2", {}, "The search"),
     bar,
     numbers,

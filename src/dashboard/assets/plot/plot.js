@@ -269,8 +269,7 @@ class Plot {
           ...axis,
           ...(this.y.log ? { splits: logarithmicSplits, filter: (_, splits) => splits } : {}),
           space: Math.max(18, Math.min(34, this.height / 8)),
-          size: (_, texts) =>
-            14 + CHARACTER * Math.max(2, ...(texts ?? []).map((text) => (text ?? "").length)),
+          size: (_, texts) => this.axisWidth(texts),
           values: (_, splits) =>
             splits.map((value) => (value === null ? "" : number(value, this.y.log ? 2 : 6))),
         },
@@ -313,6 +312,12 @@ class Plot {
         setCursor: [(chart) => this.moved(chart)],
       },
     };
+  }
+
+  // The axis up the side has room for its longest text; before the plot has values, it has no texts.
+  axisWidth(texts) {
+    const need = 14 + CHARACTER * Math.max(2, ...(texts ?? []).map((text) => (text ?? "").length));
+    return texts && this.group ? this.group.axes.widthOf(this, need) : need;
   }
 
   // The axis along the bottom: of the clock of the reader or of the recording, or of the numbers.
