@@ -81,7 +81,7 @@ export async function faultsOf(name, address, { size, checker, mayBeWide = false
   await page.waitForNetworkIdle({ idleTime: 400, timeout: 15_000, concurrency: 2 }).catch(() => {});
   await page.evaluate(() =>
     document.querySelectorAll("details").forEach((details) => {
-      details.open = !details.classList.contains("save");
+      details.open = !details.matches(".save, .dropdown");
     }),
   );
   await page.waitForNetworkIdle({ idleTime: 300, timeout: 15_000, concurrency: 2 }).catch(() => {});

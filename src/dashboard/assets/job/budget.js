@@ -12,8 +12,9 @@ import { readable } from "./reading.js";
 /** @typedef {{ source: string, look: string, share: number, detail: string }} Share */
 
 // So many assumptions have a colour; the others are listed by name in one part.
-const MOST_NAMED = 8;
+const MOST_NAMED = 10;
 const LEAST_NAMED = 0.01;
+const LEAST_DRAWN = 0.001;
 // A part that is narrower shows no text.
 const LEAST_WRITTEN = 0.07;
 const SCORE_LIMIT = 4;
@@ -30,7 +31,7 @@ export function budgetPart(result) {
       { class: "quiet" },
       "The parts of each bar are shares of the square of the total standard error, and sum to 100 %.",
       bars.some(({ parts }) => parts.some(({ share }) => share < 0))
-        ? " A part left of zero belongs to an assumption that makes up for another."
+        ? " Parts left of the upright line are below zero: such an assumption makes up for another."
         : "",
     ),
     h("details", {}, h("summary", {}, "Budget as a table"), budgetTable(result)),
@@ -51,21 +52,21 @@ export function budgetBars({ budget, parameters }) {
   const largest = (line) => Math.max(0, ...keys.map((key) => Math.abs(shareOf(line, key))));
   const lines = [...budget].sort((a, b) => largest(b) - largest(a));
   const named = lines.filter((line) => largest(line) >= LEAST_NAMED).slice(0, MOST_NAMED);
-  const rest = lines.filter((line) => !named.includes(line));
   const bars = total.map((parameter) => {
     const key = keyOf(parameter);
     const { noise, beside } = remainderOf(parameter, budget);
+    // A share that is too small to be seen is listed with the remaining assumptions.
+    const drawn = named.filter((line) => Math.abs(shareOf(line, key)) >= LEAST_DRAWN);
+    const rest = lines.filter((line) => !drawn.includes(line));
     const error = (value) => `± ${quantity(number(value, 2), parameter.unit)}`;
     /** @type {Share[]} */
     const parts = [
       { source: "noise", look: "noise", share: noise, detail: `${error(parameter.standard_error)} alone` },
-      ...named.map((line, k) => ({
+      ...drawn.map((line) => ({
         source: words(line.assumption),
-        look: `source-${k}`,
+        look: `source-${named.indexOf(line)}`,
         share: shareOf(line, key),
-        detail: line.contributions[key]
-          ? `${error(line.contributions[key].standard_error)} alone; five times better known, ${error(line.contributions[key].total_if_better)} in all`
-          : "",
+        detail: `${error(line.contributions[key].standard_error)} alone; five times better known, ${error(line.contributions[key].total_if_better)} in all`,
       })),
       {
         source: "remaining assumptions",
@@ -120,14 +121,14 @@ export function shareText(share) {
 }
 
 function picture(bars, sources) {
-  const placed = bars.map(({ parts }) => placedParts(parts));
-  const ends = placed.flat().flatMap(({ from, to }) => [from, to]);
-  const [low, high] = [Math.min(0, ...ends), Math.max(1, ...ends)];
-  const at = (share) => `${(100 * (share - low)) / (high - low)}%`;
   const readout = h("output", { class: "readout" });
-  const cells = bars.map(({ label, parts }, row) =>
-    parts.map(({ source, look, share, detail }, k) => {
-      const { from, to } = placed[row][k];
+  const cells = bars.map(({ label, parts }) => {
+    const placed = placedParts(parts);
+    // A bar fills its width; shares below zero move its zero to the right.
+    const ends = placed.flatMap(({ from, to }) => [from, to]);
+    const [low, high] = [Math.min(...ends), Math.max(...ends)];
+    return parts.map(({ source, look, share, detail }, k) => {
+      const { from, to } = placed[k];
       const text = `${label}: ${source} ${shareText(share)}${detail ? ` (${detail})` : ""}`;
       const isWide = (to - from) / (high - low) >= LEAST_WRITTEN;
       const cell = h(
@@ -135,11 +136,12 @@ function picture(bars, sources) {
         { role: "img", "aria-label": text, class: `share ${look}` },
         isWide && h("span", {}, `${number(100 * share, 2)} %`),
       );
-      cell.style.left = at(from);
+      cell.classList.toggle("first-above", low < 0 && from === 0);
+      cell.style.left = `${(100 * (from - low)) / (high - low)}%`;
       cell.style.width = `${(100 * (to - from)) / (high - low)}%`;
       return cell;
-    }),
-  );
+    });
+  });
   readable(cells, readout);
   return h(
     "figure",

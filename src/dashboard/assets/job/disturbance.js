@@ -42,7 +42,14 @@ export function disturbancePanel(view, id) {
       const signal = leave.signal;
       view.signal.addEventListener("abort", () => leave.abort(), { once: true });
       const charts = h("div", {});
-      content.replaceChildren(...told(noise), charts, ...compared(noise));
+      content.replaceChildren(
+        h(
+          "div",
+          { class: "workbench" },
+          h("div", {}, ...told(noise), charts),
+          h("div", {}, ...compared(noise)),
+        ),
+      );
       if (noise.disturbances.length === 0) {
         return;
       }
@@ -168,8 +175,8 @@ function pictures({ disturbance, index, group, held, signal }) {
     signal,
     series: [
       { name: step ? "mean from sample to sample" : "disturbance", look: "first", step },
-      { name: "95 % band from", look: "measured", thin: true, step },
-      { name: "to", look: "measured", thin: true, step },
+      { name: "95 % band from", legend: "95 % band", look: "measured", thin: true, step },
+      { name: "to", legend: null, look: "measured", thin: true, step },
     ],
     bands: [{ upper: 2, lower: 1, look: "first" }],
   });
@@ -183,8 +190,8 @@ function pictures({ disturbance, index, group, held, signal }) {
     signal,
     series: [
       { name: "t", look: "second" },
-      { name: "event above", look: "faint" },
-      { name: "and below", look: "faint" },
+      { name: "event above", legend: "limits of an event", look: "faint" },
+      { name: "and below", legend: null, look: "faint" },
     ],
   });
   group.feed(path, (shown) => {

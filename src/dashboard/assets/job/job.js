@@ -46,9 +46,17 @@ export function showJob(view, id) {
     const { live, progress, result, trajectory, disturbance } = panels;
     const elements = (...shown) => shown.map(({ element }) => element);
     columns[0].replaceChildren(...elements(...(hasResult ? [result] : [progress])));
-    columns[1].replaceChildren(...elements(...(hasResult ? [trajectory, disturbance] : [live, result])));
+    columns[1].replaceChildren(...elements(...(hasResult ? [trajectory] : [live, result])));
     below.replaceChildren(
-      ...(hasResult ? [result.analysis, ...elements(progress, live)] : elements(trajectory, disturbance)),
+      ...(hasResult
+        ? [
+            ...elements(disturbance),
+            result.analysis,
+            ...elements(progress),
+            result.searched,
+            ...elements(live),
+          ]
+        : elements(trajectory, disturbance)),
     );
     parted.append(parts.spec);
     body.append(page);
@@ -114,7 +122,7 @@ export function showJob(view, id) {
 
 /** @param {any} result */
 function trust({ verdict }) {
-  return verdict?.trust ? [h("span", {}, "trust "), trustBadge(verdict.trust)] : [];
+  return verdict?.trust ? [h("span", { class: "quiet" }, "trust "), trustBadge(verdict.trust)] : [];
 }
 
 function asProblem(error) {

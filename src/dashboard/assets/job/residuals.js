@@ -44,8 +44,8 @@ function pictures(view, residual, several) {
     y: { label: "correlation", unit: "" },
     series: [
       { name: "correlation", look: "first", bars: true },
-      { name: "white up to", look: "faint" },
-      { name: "and down to", look: "faint" },
+      { name: "white up to", legend: "limits of white", look: "faint" },
+      { name: "and down to", legend: null, look: "faint" },
     ],
   });
   const spectrum = plot({

@@ -40,6 +40,7 @@ export function resultPanel(view) {
     content,
   );
   const analysis = h("div", { class: "analysis" });
+  const searched = h("div", {});
 
   const drawBest = () => {
     if (state.job && !state.result) {
@@ -51,6 +52,8 @@ export function resultPanel(view) {
     element,
     // The pictures and tables behind the numbers of the estimate.
     analysis,
+    // How the search and the refinement came to the estimate.
+    searched,
     // Answers the result, or null while there is none.
     async job(job) {
       state.job = job;
@@ -73,6 +76,7 @@ export function resultPanel(view) {
       if (result) {
         content.replaceChildren(...numbers(result, state).filter(Boolean));
         analysis.replaceChildren(...analyses(result, state).filter(Boolean));
+        searched.replaceChildren(...searches(result, state).filter(Boolean));
       } else {
         drawBest();
       }
@@ -140,23 +144,36 @@ function numbers(result, { job, model, rules, truths, view }) {
 
 /** @param {any} result */
 function analyses(result, { job, model, view }) {
-  const { starts = [], correlation, budget = [] } = result;
+  const { correlation, budget = [] } = result;
+  const isWide = matchMedia("(min-width: 100rem)").matches;
   return [
-    budget.length > 0 && card("Uncertainty budget", () => budgetPart(result), true),
+    budget.length > 0 && analysed("Uncertainty budget", () => budgetPart(result), true),
     correlation?.names.length > 1 &&
-      card("Correlation of the errors", () => correlationPart(correlation), true),
-    profiled(result).length > 0 && card("Likelihood profiles", () => profilesPart(view, result), true),
+      analysed("Correlation of the errors", () => correlationPart(correlation), true),
+    profiled(result).length > 0 &&
+      analysed("Likelihood profiles", () => profilesPart(view, result), true, "across"),
     Object.keys(result.residuals ?? {}).length > 0 &&
-      card("Residuals", () => residualsPart(view, job, result, model)),
-    result.posterior && card("Draws from the posterior", () => posteriorPart(job, result)),
-    starts.length > 1 && card("Starts of the refinement", () => startsPart(view, starts)),
-    card("The search in numbers", () => search(result)),
+      analysed("Residuals", () => residualsPart(view, job, result, model), isWide, "across"),
+    result.posterior && analysed("Draws from the posterior", () => posteriorPart(job, result)),
   ];
 }
 
-// A card of the analysis is a part of the result by itself. Its content is made when it is first open.
-function card(title, make, isOpen = false) {
-  const details = h("details", { class: "card", "data-part": title }, h("summary", {}, h("h3", {}, title)));
+/** @param {any} result */
+function searches(result, { view }) {
+  const { starts = [] } = result;
+  return [
+    starts.length > 1 && analysed("Starts of the refinement", () => startsPart(view, starts)),
+    analysed("The search in numbers", () => search(result)),
+  ];
+}
+
+// A part of the analysis can be closed. Its content is made when it is first open.
+function analysed(title, make, isOpen = false, look = "") {
+  const details = h(
+    "details",
+    { class: `analysed ${look}`, "data-part": title },
+    h("summary", {}, h("h3", {}, title)),
+  );
   const fill = () => details.open && details.children.length === 1 && details.append(make());
   details.addEventListener("toggle", fill);
   details.open = isOpen;

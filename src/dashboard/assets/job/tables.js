@@ -15,6 +15,9 @@ const ESTIMATE_COLUMNS = [
   { title: "Trust" },
 ];
 
+// The level that the title of the column says.
+const USUAL_LEVEL = 0.95;
+
 // The truth is known of a demonstration alone.
 const TRUE_COLUMN = { title: "True value", numeric: true };
 
@@ -180,9 +183,9 @@ function intervalText({ level, lower, upper, method }) {
   });
   return h(
     "span",
-    { title: method ? `method: ${words(method)}` : null },
+    { class: "interval-text", title: method ? `method: ${words(method)}` : null },
     `${low} … ${high}`,
-    h("span", { class: "quiet" }, ` (${percent(100 * level)})`),
+    level !== USUAL_LEVEL && h("span", { class: "quiet" }, ` (${percent(100 * level)})`),
   );
 }
 

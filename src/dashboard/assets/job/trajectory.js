@@ -85,8 +85,8 @@ function draw({ place, id, job, experiment, k, number, recording, signal, outcom
     // The band is where the simulated output lies with 95 % under the errors of the estimates.
     const band = deviation
       ? [
-          { name: "95 % band from", look: "faint" },
-          { name: "to", look: "faint" },
+          { name: "95 % band from", legend: "95 % band", look: "faint" },
+          { name: "to", legend: null, look: "faint" },
         ]
       : [];
     const compared = plot({
