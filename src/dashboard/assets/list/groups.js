@@ -31,10 +31,10 @@ export function groupingsOffered(labels) {
   ];
 }
 
-/**
- * @typedef {{ id: string, job: any }} JobEntry
- * @typedef {{ id: string, title: string, size: number, isOpen: boolean }} GroupEntry
- */
+/** @typedef {{ id: string, title: string, size: number, isOpen: boolean }} GroupHeading */
+
+/** @param {any} entry */
+export const isHeading = (entry) => "isOpen" in entry;
 
 /**
  * The entries of a list: jobs in their order, and before the jobs of each group its heading. Groups come by
@@ -44,12 +44,12 @@ export function groupingsOffered(labels) {
  * @param {any[]} jobs
  * @param {string} by
  * @param {Set<string>} closed The ids of the groups whose jobs are hidden.
- * @returns {(JobEntry | GroupEntry)[]}
+ * @returns {any[]}
  */
 export function entriesOf(jobs, by, closed) {
   const key = by.startsWith(LABEL) ? ({ labels }) => labels[by.slice(LABEL.length)] ?? "" : KEYS[by];
   if (!key) {
-    return jobs.map((job) => ({ id: job.id, job }));
+    return jobs;
   }
   /** @type {Map<string, any[]>} */
   const groups = new Map();
@@ -65,8 +65,9 @@ export function entriesOf(jobs, by, closed) {
     const members = groups.get(name);
     const id = `group ${name}`;
     const isOpen = !closed.has(id);
+    /** @type {GroupHeading} */
     const heading = { id, title: name || "none", size: members.length, isOpen };
-    return [heading, ...(isOpen ? members.map((job) => ({ id: job.id, job })) : [])];
+    return isOpen ? [heading, ...members] : [heading];
   });
 }
 

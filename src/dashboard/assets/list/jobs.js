@@ -59,6 +59,8 @@ class JobList {
     this.models = new Set();
     this.trusts = [];
     this.loaded = false;
+    this.whole = false;
+    this.isFitted = null;
     this.outcome = notice();
     this.summary = h("p", { class: "quiet", role: "status" }, "Loading …");
     this.emptyNote = h("p", { hidden: true }, "No job is like this.");
@@ -270,12 +272,13 @@ class JobList {
   draw() {
     // The sorted list is kept until a job changes, so that a typed letter only filters.
     const { sort, descending } = this.filter;
-    const isNew = this.sorted === null;
     this.sorted ??= arranged(this.jobs.values(), { sort, descending, trusts: this.trusts }, Date.now());
     const shown = this.sorted.filter(matcher(this.filter));
     this.rows.element.hidden = shown.length === 0;
     this.rows.show(entriesOf(shown, this.filter.group, this.closed));
-    if (isNew) {
+    // The widths follow the first jobs, and all jobs once all are there.
+    if (shown.length > 0 && this.isFitted !== this.whole) {
+      this.isFitted = this.whole;
       this.rows.fit();
     }
     this.bulk.draw();
@@ -356,6 +359,7 @@ class JobList {
         this.jobs.delete(id);
       }
       this.sorted = null;
+      this.whole = true;
       this.drawSoon();
       this.outcome.clear();
     } catch (error) {

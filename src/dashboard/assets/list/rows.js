@@ -5,6 +5,7 @@
 import { h } from "../shell/dom.js";
 import { count, instant } from "../shell/format.js";
 import { titleOf, widthNeeded, widthsIn } from "./columns.js";
+import { isHeading } from "./groups.js";
 
 const ROW = 44;
 const ROOM = 12;
@@ -140,7 +141,7 @@ export class JobRows {
   // Shows jobs and the headings of groups. The jobs of closed groups are not among the entries.
   show(entries) {
     this.entries = entries;
-    this.jobs = entries.filter(({ job }) => job).map(({ job }) => job);
+    this.jobs = entries.some(isHeading) ? entries.filter((entry) => !isHeading(entry)) : entries;
     this.all.checked = this.jobs.length > 0 && this.jobs.every(({ id }) => this.selected.has(id));
     this.table.setAttribute("aria-rowcount", String(entries.length + 1));
     this.draw();
@@ -162,7 +163,7 @@ export class JobRows {
     this.below.firstChild.style.height = `${(this.entries.length - last) * ROW}px`;
     let after = this.above;
     entries.forEach((entry, k) => {
-      const row = entry.job ? this.row(entry.job) : this.groupRow(entry);
+      const row = isHeading(entry) ? this.groupRow(entry) : this.row(entry);
       row.element.setAttribute("aria-rowindex", String(first + k + 2));
       if (after.nextSibling !== row.element) {
         after.after(row.element);
