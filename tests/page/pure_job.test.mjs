@@ -14,6 +14,7 @@ const { AxisWidths } = await part("plot/axes.js");
 const { clockOf } = await part("plot/clock.js");
 const { choices, recordedUnit, shownUnit, toShown } = await part("plot/units.js");
 const { withGaps } = await part("plot/math.js");
+const { unknownsText } = await part("new/preflight.js");
 const { toleranceOf } = await part("model/parameters.js");
 const { columnsOffered, columnsShown, USUAL, widthNeeded, widthsIn } = await part("list/columns.js");
 const { arranged, fromQuery, matches, toQuery } = await part("list/filter.js");
@@ -330,4 +331,11 @@ test("a saved view takes the place of a view of the same name", () => {
     { name: "all", query: "" },
     { name: "low", query: "?trust=low&group=model" },
   ]);
+});
+
+test("initial states are told apart from the parameters among the unknowns", () => {
+  const mass = { name: "mass", unit: "kg" };
+  const position = { name: "position", unit: "m", experiment: 0 };
+  assert.equal(unknownsText(2, [mass, position]), "2, of them initial states 1");
+  assert.equal(unknownsText(1, [{ ...mass, experiment: null }]), "1");
 });
