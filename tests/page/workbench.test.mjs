@@ -416,6 +416,39 @@ test("columns, grouping and views of the list are the person's, and no cell is c
   await again.close();
 });
 
+test("the numbers beside the plots of a running job are of the generations that the plots show", {
+  skip,
+}, async () => {
+  const job = JOB(shared.dataset, "icra_genetic");
+  job.method = {
+    name: "icra_genetic",
+    population: 40,
+    generations: 100_000,
+    stagnation_generations: 0,
+    noise_floor: false,
+  };
+  const { id } = await post("/v1/jobs", job);
+  const page = await open(`/#/jobs/${id}`);
+  for (let look = 0; look < 5; look += 1) {
+    await page.waitForFunction(
+      (before) => {
+        const plot = document.querySelector("[aria-label^='Cost in the search']")?.getAttribute("aria-label");
+        const last = Number(/generation .*? to ([\d.]+)/.exec(plot ?? "")?.[1]);
+        globalThis.looked = [last, document.querySelector("[aria-label='Progress'] .facts")?.innerText];
+        return last > before;
+      },
+      PATIENCE,
+      look,
+    );
+    const [last, facts] = await page.evaluate(() => globalThis.looked);
+    assert.equal(Number(/Generation\s+([\d\u202f]+)/.exec(facts)[1].replaceAll("\u202f", "")), last);
+  }
+  await fetch(`${base}/v1/jobs/${id}/cancel`, { method: "POST" });
+  await ended(id);
+  assert.deepEqual(page.faults, []);
+  await page.close();
+});
+
 test("a newcomer sees what this is, and tries it with one click", { skip }, async () => {
   const page = await open("/#/");
   await says(page, "finds the physical parameters");

@@ -69,7 +69,7 @@ export function bestTable(row, job, model) {
       "",
     ];
   });
-  return table("Best parameters so far", ESTIMATE_COLUMNS, rows);
+  return table("Best parameters so far", ESTIMATE_COLUMNS, rows, { stacked: true });
 }
 
 /**
