@@ -348,10 +348,12 @@ test("columns, grouping and views of the list are the person's, and no cell is c
     ...JOB(shared.dataset, "icra_genetic"),
     name: "drive of the second hall, measured after the overhaul",
   };
+  // The jobs are those of this run alone, whatever the server had before.
+  const visit = `v${Date.now()}`;
   for (const line of ["l1", "l2", "l2"]) {
-    await finished({ ...job, labels: { line, site: "hall 2" } });
+    await finished({ ...job, labels: { line, visit } });
   }
-  const page = await open("/#/jobs?label=line", { width: 2560, height: 1200, scheme: "light" });
+  const page = await open(`/#/jobs?label=visit%3A${visit}`, { width: 2560, height: 1200, scheme: "light" });
   await says(page, "3 of ");
   const headings = () => page.$$eval(".jobs thead th", (cells) => cells.map((cell) => cell.innerText.trim()));
   await page.click("::-p-xpath(//summary[. = 'Columns'])");
@@ -370,7 +372,7 @@ test("columns, grouping and views of the list are the person's, and no cell is c
     chosen.includes("line") && chosen.includes("Evaluations") && !chosen.includes("Model"),
     `${chosen}`,
   );
-  const { items } = await api("/v1/jobs?view=summary&label=line");
+  const { items } = await api(`/v1/jobs?view=summary&label=visit%3A${visit}`);
   const evaluations = chosen.indexOf("Evaluations");
   const shown = await page.$$eval(
     ".jobs tbody tr:not([aria-hidden])",
@@ -401,7 +403,7 @@ test("columns, grouping and views of the list are the person's, and no cell is c
   await page.waitForSelector("::-p-xpath(//li/button[. = 'lines'])", PATIENCE);
   // Another visit has the columns and the grouping of the last, and the view has its filter too.
   const again = await open("/#/jobs", { width: 2560, height: 1200, scheme: "dark" });
-  await says(again, "l1 · 1 job");
+  await says(again, "l1 · ");
   await again.select("::-p-xpath(//label[contains(., 'Group by')]/select)", "");
   await again.click("::-p-xpath(//summary[. = 'Views'])");
   await again.click("::-p-xpath(//li/button[. = 'lines'])");
