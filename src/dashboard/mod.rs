@@ -124,9 +124,10 @@ fn embedded() -> impl IntoIterator<Item = Asset> { assets! {
     "compare": "differences.js" "jobs.js" "methods.js";
     "data": "datasets.js" "upload.js";
     "docs": "guide.css" "reference.js";
-    "job": "ancestry.js" "design.js" "disturbance.js" "disturbance_words.js" "effects.js" "feed.js" "heat.js" "job.js" "live.js"
-        "posterior.js" "profiles.js" "progress.js" "residuals.js" "result.js" "tables.js" "trajectory.js" "verdict.js";
-    "list": "bulk.js" "filter.js" "jobs.css" "jobs.js" "rows.js" "start.js";
+    "job": "ancestry.js" "budget.js" "contents.js" "correlation.js" "design.js" "disturbance.js" "disturbance_words.js" "effects.js"
+        "feed.js" "heat.js" "job.css" "job.js" "live.js" "posterior.js" "profiles.js" "progress.js" "reading.js" "residuals.js"
+        "result.js" "tables.js" "trajectory.js" "verdict.js";
+    "list": "bulk.js" "columns.js" "dropdown.js" "filter.js" "groups.js" "jobs.css" "jobs.js" "rows.js" "start.js" "views.js";
     "model": "description.js" "editor.js" "equation.js" "excitation.js" "language.js" "models.js"
         "parameters.js" "picture.js" "signals.js" "simulation.js" "sliders.js" "trial.js";
     "new": "draft.js" "fields.js" "job.css" "job.js" "measurement.js" "model.js" "parameters.js" "preflight.js"

@@ -27,6 +27,8 @@ export async function launch() {
     executablePath: CHROMIUM,
     headless: true,
     args: ["--no-sandbox", "--disable-gpu"],
+    // A machine that builds beside the tests takes minutes for the accessibility check of a long page.
+    protocolTimeout: 600_000,
   });
   return { browser, checker: fs.readFileSync(require.resolve("axe-core/axe.min.js"), "utf8") };
 }
@@ -73,15 +75,16 @@ export async function picture(page, name) {
   }
 }
 
-// Looks at a page of a size: lists what the accessibility checker finds, errors, and whether the page is
+// Looks at a page of a size once it has what `ready` selects: lists what the accessibility checker finds, errors, and whether the page is
 // wider than the window, unless it may be.
-export async function faultsOf(name, address, { size, checker, mayBeWide = false }) {
+export async function faultsOf(name, address, { size, checker, mayBeWide = false, ready = "h1" }) {
   const page = await open(address, size);
   const where = `${name} ${size.width} ${size.scheme}`;
+  await page.waitForSelector(ready, PATIENCE);
   await page.waitForNetworkIdle({ idleTime: 400, timeout: 15_000, concurrency: 2 }).catch(() => {});
   await page.evaluate(() =>
     document.querySelectorAll("details").forEach((details) => {
-      details.open = !details.classList.contains("save");
+      details.open = !details.matches(".save, .dropdown");
     }),
   );
   await page.waitForNetworkIdle({ idleTime: 300, timeout: 15_000, concurrency: 2 }).catch(() => {});

@@ -6,12 +6,20 @@ import test from "node:test";
 
 const part = (name) => import(new URL(`../../src/dashboard/assets/${name}`, import.meta.url));
 const { criterionChange, followed, moves } = await part("job/ancestry.js");
+const { budgetBars, placedParts, shareText } = await part("job/budget.js");
+const { correlationText } = await part("job/correlation.js");
 const { judged } = await part("job/effects.js");
+const { cellAfter } = await part("job/reading.js");
+const { AxisWidths } = await part("plot/axes.js");
 const { clockOf } = await part("plot/clock.js");
 const { choices, recordedUnit, shownUnit, toShown } = await part("plot/units.js");
 const { withGaps } = await part("plot/math.js");
+const { unknownsText } = await part("new/preflight.js");
 const { toleranceOf } = await part("model/parameters.js");
-const { matches } = await part("list/filter.js");
+const { columnsOffered, columnsShown, USUAL, widthNeeded, widthsIn } = await part("list/columns.js");
+const { arranged, fromQuery, matches, toQuery } = await part("list/filter.js");
+const { entriesOf } = await part("list/groups.js");
+const { withView } = await part("list/views.js");
 const { parted } = await part("model/equation.js");
 
 const RESULT = {
@@ -153,4 +161,181 @@ test("no line crosses a span without samples", () => {
     [0, 1],
     [1, 2],
   ]);
+});
+
+// The budget of two parameters: eleven assumptions, of which the last makes up for another.
+const BUDGET = {
+  parameters: [
+    { name: "mass", unit: "kg", standard_error: 3, total_standard_error: 5 },
+    { name: "friction", unit: "N", standard_error: 1, total_standard_error: 2 },
+    { name: "gain", unit: "1", standard_error: 1, total_standard_error: null },
+  ],
+  budget: Array.from({ length: 11 }, (_, k) => {
+    const share = k === 10 ? -0.05 : k === 0 ? 0.4 : 0.02 + 0.001 * k;
+    const contributions = { mass: { share, standard_error: 1, total_if_better: 2 } };
+    return { assumption: `assumption_${k}`, value: 1, tolerance: 1, unit: "1", contributions };
+  }),
+};
+
+test("the parts of each bar of the budget sum to a hundred per cent, and the rest is named", () => {
+  const { bars, sources } = budgetBars(BUDGET);
+  assert.deepEqual(
+    bars.map(({ key }) => key),
+    ["mass", "friction"],
+  );
+  for (const { parts } of bars) {
+    assert.ok(Math.abs(parts.reduce((sum, { share }) => sum + share, 0) - 1) < 1e-12);
+  }
+  const [mass, friction] = bars;
+  assert.equal(mass.parts[0].share, 9 / 25);
+  assert.equal(mass.parts[1].source, "assumption 0");
+  const rest = mass.parts.find(({ look }) => look === "rest");
+  assert.equal(rest.detail, "assumption 1 2.1 %");
+  assert.deepEqual(
+    friction.parts.map(({ look, share }) => [look, share]),
+    [
+      ["noise", 0.25],
+      ["beside", 0.75],
+    ],
+  );
+  assert.equal(sources.length, 13);
+});
+
+test("a share below zero stands left of zero", () => {
+  assert.deepEqual(placedParts([{ share: 0.75 }, { share: -0.25 }, { share: 0.5 }]), [
+    { from: 0, to: 0.75 },
+    { from: -0.25, to: 0 },
+    { from: 0.75, to: 1.25 },
+  ]);
+  assert.equal(shareText(0.4137), "41.4 %");
+  assert.equal(shareText(-0.0012), "−0.12 %");
+});
+
+test("a correlation near one is written with its distance from one", () => {
+  assert.equal(correlationText(-0.997), "−0.997");
+  assert.equal(correlationText(0.5), "0.5");
+  assert.equal(correlationText(null), "–");
+});
+
+test("arrow keys go from value to value of a picture, and stop at its edges", () => {
+  const lengths = [3, 1, 2];
+  assert.deepEqual(cellAfter(lengths, [0, 0], "ArrowRight"), [0, 1]);
+  assert.equal(cellAfter(lengths, [0, 2], "ArrowRight"), null);
+  assert.deepEqual(cellAfter(lengths, [0, 2], "ArrowDown"), [1, 0]);
+  assert.equal(cellAfter(lengths, [0, 0], "ArrowUp"), null);
+  assert.deepEqual(cellAfter(lengths, [2, 0], "End"), [2, 1]);
+  assert.equal(cellAfter(lengths, [2, 0], "x"), null);
+});
+
+test("axes below each other are as wide as the widest of them needs", () => {
+  let drawings = 0;
+  const axes = new AxisWidths(() => {
+    drawings += 1;
+  });
+  assert.equal(axes.widthOf("position", 40), 40);
+  assert.equal(axes.widthOf("residual", 80), 80);
+  assert.equal(axes.widthOf("position", 40), 80);
+  assert.equal(drawings, 2);
+  assert.equal(axes.widthOf("residual", 30), 40);
+});
+
+const listed = (id, more) => ({
+  id,
+  name: null,
+  model: "servo",
+  status: "succeeded",
+  labels: {},
+  datasets: [],
+  created_at: "2026-01-01T00:00:00Z",
+  ...more,
+});
+
+test("the list has the chosen columns, labels among them, and always the name", () => {
+  const keys = (columns) => columns.map(({ key }) => key);
+  assert.deepEqual(keys(columnsShown(["label:site", "status"])), ["status", "name", "label:site"]);
+  assert.deepEqual(keys(columnsOffered(["site", "follows", "batch"])).slice(-2), [
+    "label:batch",
+    "label:site",
+  ]);
+  const text = (key, job) => columnsShown([key]).at(-1).text(job, 0);
+  const job = listed("job_1", {
+    labels: { site: "hall 2" },
+    progress: { evaluations: 12_000, best_cost: 0.25 },
+  });
+  assert.equal(text("label:site", job), "hall 2");
+  assert.equal(text("evaluations", job), "12\u202f000");
+  assert.equal(text("cost", job), "0.25");
+  assert.equal(text("cost", listed("job_2")), "–");
+});
+
+test("columns are as wide as their texts where there is room, and give way where there is not", () => {
+  const [name] = columnsShown([]);
+  const long = "x".repeat(40);
+  const { least, wanted } = widthNeeded(name, [listed("job_1", { name: long })], 0);
+  assert.ok(wanted > least && wanted > 7 * 40);
+  const needs = [
+    { least: 50, wanted: 100 },
+    { least: 50, wanted: 300 },
+  ];
+  assert.deepEqual(widthsIn(needs, 800), [200, 600]);
+  assert.deepEqual(widthsIn(needs, 250), [75, 175]);
+  assert.deepEqual(widthsIn(needs, 10), [50, 50]);
+});
+
+test("grouping and columns go into the address, and a view says them even where they are usual", () => {
+  const usual = { group: "", columns: USUAL };
+  const read = (query) => fromQuery(new URLSearchParams(query), usual);
+  const filter = read("text=rig&group=label:site&columns=status,name,label:site&sort=label:site:up");
+  assert.equal(filter.sort, "label:site");
+  assert.deepEqual(read(toQuery(filter, usual).slice(1)), filter);
+  assert.equal(toQuery(read(""), usual), "");
+  assert.match(toQuery(read(""), usual, true), /group=&columns=status/);
+});
+
+test("jobs are sorted by a label, and grouped by it under headings that can be closed", () => {
+  const jobs = [
+    listed("job_1", { labels: { site: "hall 10" } }),
+    listed("job_2", { labels: { site: "hall 2" } }),
+    listed("job_3"),
+    listed("job_4", { labels: { site: "hall 2" } }),
+  ];
+  const sorted = arranged(jobs, { sort: "label:site", descending: false }, 0);
+  assert.deepEqual(
+    sorted.map(({ id }) => id),
+    ["job_3", "job_1", "job_4", "job_2"],
+  );
+  const shown = (closed) =>
+    entriesOf(jobs, "label:site", new Set(closed)).map(({ id, title, size }) => (title ? [title, size] : id));
+  assert.deepEqual(shown([]), [
+    ["hall 2", 2],
+    "job_2",
+    "job_4",
+    ["hall 10", 1],
+    "job_1",
+    ["none", 1],
+    "job_3",
+  ]);
+  assert.deepEqual(shown(["group hall 2"]).slice(0, 2), [
+    ["hall 2", 2],
+    ["hall 10", 1],
+  ]);
+  assert.deepEqual(
+    entriesOf(jobs, "", new Set()).map(({ id }) => id),
+    jobs.map(({ id }) => id),
+  );
+});
+
+test("a saved view takes the place of a view of the same name", () => {
+  const views = withView(withView([], { name: "low", query: "?trust=low" }), { name: "all", query: "" });
+  assert.deepEqual(withView(views, { name: "low", query: "?trust=low&group=model" }), [
+    { name: "all", query: "" },
+    { name: "low", query: "?trust=low&group=model" },
+  ]);
+});
+
+test("initial states are told apart from the parameters among the unknowns", () => {
+  const mass = { name: "mass", unit: "kg" };
+  const position = { name: "position", unit: "m", experiment: 0 };
+  assert.equal(unknownsText(2, [mass, position]), "2, of them initial states 1");
+  assert.equal(unknownsText(1, [{ ...mass, experiment: null }]), "1");
 });

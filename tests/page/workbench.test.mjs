@@ -216,6 +216,7 @@ test("every number of a result is that of the API, for jobs of different kinds",
       assert.equal(Number(samples.replaceAll("\u202f", "")), values.samples);
     }
     await budgetAddsUp(page, kind);
+    await barsAreTrue(page, result, kind);
     if (result.model_search) {
       await says(page, "Effects that the data decided about");
       for (const effect of ["coulomb friction", "input delay"]) {
@@ -228,14 +229,14 @@ test("every number of a result is that of the API, for jobs of different kinds",
   }
 });
 
-// Each parameter's column of the budget sums to a hundred per cent.
+// Each parameter's column of the budget sums to a hundred per cent, in the table and in the picture.
 async function budgetAddsUp(page, kind) {
-  const summary = await page.$("::-p-xpath(//summary[contains(., 'uncertainty budget')])");
+  const summary = await page.$("::-p-xpath(//summary[contains(., 'Budget as a table')])");
   if (!summary) {
     return;
   }
   await summary.click();
-  await page.waitForSelector("[aria-label='Uncertainty budget'] tbody tr, .heat tbody tr", PATIENCE);
+  await page.waitForSelector("[aria-label='Uncertainty budget'] tbody tr", PATIENCE);
   const sums = await page.evaluate(() => {
     const caption = [...document.querySelectorAll("caption")].find(
       (caption) => caption.textContent === "Uncertainty budget",
@@ -252,6 +253,203 @@ async function budgetAddsUp(page, kind) {
     assert.ok(Math.abs(sum - 100) < 4, `${kind}: the budget sums to ${sums} %`);
   }
 }
+
+// The bars of the budget have the shares that the API gives, and each bar sums to a hundred per cent.
+async function barsAreTrue(page, result, kind) {
+  const bars = await page.$$eval(".stack-row", (rows) =>
+    rows.map((row) => ({
+      label: row.querySelector(".stack-name").textContent,
+      texts: [...row.querySelectorAll(".share")].map((part) => part.getAttribute("aria-label")),
+    })),
+  );
+  for (const { label, texts } of bars) {
+    const shares = texts.map((text) => {
+      const [, source, share] = /^[^:]*: (.*?) ([−\d.·⁻⁰¹²³⁴⁵⁶⁷⁸⁹]+) %/.exec(text);
+      return [source, numberIn(share) / 100];
+    });
+    const sum = shares.reduce((total, [, share]) => total + share, 0);
+    assert.ok(Math.abs(sum - 1) < 0.03, `${kind}: the bar of ${label} sums to ${sum}`);
+    for (const [source, share] of shares) {
+      const line = result.budget.find(({ assumption }) => assumption.replaceAll("_", " ") === source);
+      const given = line?.contributions[label.replaceAll(" ", "_")]?.share ?? share;
+      assert.ok(Math.abs(share - given) <= 0.06 * Math.abs(given) + 1e-6, `${kind}: ${source} of ${label}`);
+    }
+  }
+  return bars.length;
+}
+
+// Each disc says the correlation that the API gives.
+async function discsAreTrue(page, { names, matrix }, kind) {
+  const texts = await page.$$eval(".discs .cell", (cells) =>
+    cells.map((cell) => cell.getAttribute("aria-label")),
+  );
+  assert.equal(texts.length, names.length ** 2, kind);
+  for (const [k, text] of texts.entries()) {
+    const given = matrix[Math.floor(k / names.length)][k % names.length];
+    const shown = numberIn(text.split(": ").at(-1));
+    assert.ok(given === null || Math.abs(shown - given) <= 0.05 * Math.abs(given) + 1e-9, `${kind}: ${text}`);
+  }
+}
+
+test("a result is a workbench: pictures are read by keyboard, and its parts are reached beside it", {
+  skip,
+}, async () => {
+  const id = await finished({ ...JOB(shared.dataset, "icra_genetic"), process_noise: "none" });
+  const result = await api(`/v1/jobs/${id}/result`);
+  for (const scheme of ["light", "dark"]) {
+    const page = await open(`/#/jobs/${id}`, { width: 1920, height: 1000, scheme });
+    await page.waitForSelector(".discs .cell", PATIENCE);
+    assert.equal(await barsAreTrue(page, result, scheme), result.parameters.length);
+    await discsAreTrue(page, result.correlation, scheme);
+    await page.$eval(".discs .cell[tabindex='0']", (cell) => cell.focus());
+    await page.keyboard.press("ArrowRight");
+    const words = result.correlation.names.slice(0, 2).map((name) => name.replaceAll("_", " "));
+    await says(page, `${words[0]} and ${words[1]}: `);
+    await page.focus(".share[tabindex='0']");
+    await page.keyboard.press("End");
+    assert.ok((await text(page, ".stacks + .readout")).startsWith(`${words[0]}: `));
+    // All plots of an experiment begin at the same place.
+    await page.waitForFunction(
+      () => !document.querySelector("[aria-label='Outputs'] .surface.empty"),
+      PATIENCE,
+    );
+    await page.waitForFunction(() => {
+      const lefts = [...document.querySelectorAll("[aria-label='Outputs'] .u-over")].map(
+        (plot) => plot.getBoundingClientRect().left,
+      );
+      return lefts.length > 2 && new Set(lefts).size === 1;
+    }, PATIENCE);
+    const heights = await page.$$eval(".u-over", (plots) => plots.map(({ clientHeight }) => clientHeight));
+    assert.ok(Math.min(...heights) >= 120, `plots are ${heights} px high`);
+    await page.click(
+      "::-p-xpath(//nav[@aria-label='Parts of this job']//button[. = 'The search in numbers'])",
+    );
+    await page.waitForFunction(
+      () => document.activeElement.textContent === "The search in numbers",
+      PATIENCE,
+    );
+    await says(page, "Best found in generation");
+    await picture(page, `job-workbench-${scheme}`);
+    await page.evaluate(shared.checker);
+    const { violations } = await page.evaluate(() => globalThis.axe.run());
+    assert.deepEqual(
+      violations.map(({ id, nodes }) => `${id}: ${nodes[0].html}`),
+      [],
+    );
+    assert.deepEqual(page.faults, []);
+    await page.close();
+  }
+});
+
+test("columns, grouping and views of the list are the person's, and no cell is cut on a wide screen", {
+  skip,
+}, async () => {
+  const job = {
+    ...JOB(shared.dataset, "icra_genetic"),
+    name: "drive of the second hall, measured after the overhaul",
+  };
+  // The jobs are those of this run alone, whatever the server had before.
+  const visit = `v${Date.now()}`;
+  for (const line of ["l1", "l2", "l2"]) {
+    await finished({ ...job, labels: { line, visit } });
+  }
+  const page = await open(`/#/jobs?label=visit%3A${visit}`, { width: 2560, height: 1200, scheme: "light" });
+  await says(page, "3 of ");
+  const headings = () => page.$$eval(".jobs thead th", (cells) => cells.map((cell) => cell.innerText.trim()));
+  await page.click("::-p-xpath(//summary[. = 'Columns'])");
+  await page.click("::-p-xpath(//label[. = 'line']/input)");
+  await page.click("::-p-xpath(//label[. = 'Evaluations']/input)");
+  await page.click("::-p-xpath(//label[. = 'Model']/input)");
+  await page.evaluate(shared.checker);
+  const { violations } = await page.evaluate(() => globalThis.axe.run());
+  assert.deepEqual(
+    violations.map(({ id, nodes }) => `${id}: ${nodes[0].html}`),
+    [],
+  );
+  await page.keyboard.press("Escape");
+  const chosen = await headings();
+  assert.ok(
+    chosen.includes("line") && chosen.includes("Evaluations") && !chosen.includes("Model"),
+    `${chosen}`,
+  );
+  const { items } = await api(`/v1/jobs?view=summary&label=visit%3A${visit}`);
+  const evaluations = chosen.indexOf("Evaluations");
+  const shown = await page.$$eval(
+    ".jobs tbody tr:not([aria-hidden])",
+    (rows, k) => rows.map((row) => row.cells[k].innerText),
+    evaluations,
+  );
+  assert.deepEqual(
+    shown.map((text) => Number(text.replaceAll("\u202f", ""))),
+    items.map(({ progress }) => progress.evaluations),
+  );
+  const cut = await page.$$eval(".jobs td, .jobs .lines", (cells) =>
+    cells
+      .filter((cell) => cell.scrollWidth > cell.clientWidth + 1 || cell.scrollHeight > cell.clientHeight + 1)
+      .map((cell) => cell.textContent),
+  );
+  assert.deepEqual(cut, []);
+  await page.select("::-p-xpath(//label[contains(., 'Group by')]/select)", "label:line");
+  await says(page, "l2 · 2 jobs");
+  await page.click("::-p-xpath(//button[contains(., 'l2 · 2 jobs')])");
+  await page.waitForFunction(
+    () => document.querySelectorAll(".jobs tbody tr td input").length === 1,
+    PATIENCE,
+  );
+  await picture(page, "jobs-grouped");
+  await page.click("::-p-xpath(//summary[. = 'Views'])");
+  await page.type(".dropdown form input", "lines");
+  await page.keyboard.press("Enter");
+  await page.waitForSelector("::-p-xpath(//li/button[. = 'lines'])", PATIENCE);
+  // Another visit has the columns and the grouping of the last, and the view has its filter too.
+  const again = await open("/#/jobs", { width: 2560, height: 1200, scheme: "dark" });
+  await says(again, "l1 · ");
+  await again.select("::-p-xpath(//label[contains(., 'Group by')]/select)", "");
+  await again.click("::-p-xpath(//summary[. = 'Views'])");
+  await again.click("::-p-xpath(//li/button[. = 'lines'])");
+  await says(again, "3 of ");
+  await says(again, "l2 · 2 jobs");
+  await again.click("::-p-xpath(//summary[. = 'Views'])");
+  await again.click("button[aria-label='Remove the view lines']");
+  await says(again, "No view is saved in this browser.");
+  await again.evaluate(() => localStorage.clear());
+  assert.deepEqual([...page.faults, ...again.faults], []);
+  await page.close();
+  await again.close();
+});
+
+test("the numbers beside the plots of a running job are of the generations that the plots show", {
+  skip,
+}, async () => {
+  const job = JOB(shared.dataset, "icra_genetic");
+  job.method = {
+    name: "icra_genetic",
+    population: 40,
+    generations: 100_000,
+    stagnation_generations: 0,
+    noise_floor: false,
+  };
+  const { id } = await post("/v1/jobs", job);
+  const page = await open(`/#/jobs/${id}`);
+  for (let look = 0; look < 5; look += 1) {
+    await page.waitForFunction(
+      (before) => {
+        const plot = document.querySelector("[aria-label^='Cost in the search']")?.getAttribute("aria-label");
+        const last = Number(/generation .*? to ([\d.]+)/.exec(plot ?? "")?.[1]);
+        globalThis.looked = [last, document.querySelector("[aria-label='Progress'] .facts")?.innerText];
+        return last > before;
+      },
+      PATIENCE,
+      look,
+    );
+    const [last, facts] = await page.evaluate(() => globalThis.looked);
+    assert.equal(Number(/Generation\s+([\d\u202f]+)/.exec(facts)[1].replaceAll("\u202f", "")), last);
+  }
+  await fetch(`${base}/v1/jobs/${id}/cancel`, { method: "POST" });
+  await ended(id);
+  assert.deepEqual(page.faults, []);
+  await page.close();
+});
 
 test("a newcomer sees what this is, and tries it with one click", { skip }, async () => {
   const page = await open("/#/");

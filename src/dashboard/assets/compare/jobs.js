@@ -86,12 +86,12 @@ function parts(runs) {
   const rows = sideBySide(runs.map(({ result }) => result));
   const changed = differences(runs.map(({ job }) => job.spec));
   return [
-    table("Jobs", columns, about),
+    table("Jobs", columns, about, { stacked: true }),
     h("h2", {}, "Estimates"),
     rows.length
       ? h(
           "div",
-          {},
+          { class: "compared-estimates" },
           rows.map((row) => estimates(row, runs)),
         )
       : h("p", { class: "quiet" }, "None of them has an estimate."),
@@ -160,32 +160,39 @@ function estimates({ key, unit, symbol, parameters }, runs) {
   );
 }
 
-// Draws the interval of an estimate on a range; an open end of the interval has an arrow.
+// The bar leaves this share of its width free at each end, for the marks of the ends.
+const MARGIN = 0.03;
+
+// Draws the interval of an estimate on a range, over the whole width that it gets; an open end of the interval
+// has an arrow.
 export function intervalBar(parameter, range, k = 0) {
   const interval = intervalOf(parameter);
-  const at = (value, share) => 10 + 300 * (Number.isFinite(value) ? place(value, range) : share);
+  const percentAt = (share) => `${100 * (MARGIN + (1 - 2 * MARGIN) * share)}%`;
+  const at = (value, share) => percentAt(Number.isFinite(value) ? place(value, range) : share);
   const [low, high, middle] = [at(interval?.lower, 0), at(interval?.upper, 1), at(parameter.estimate, 0.5)];
   const words = interval ? `${number(interval.lower)} to ${number(interval.upper)}` : "no interval";
-  const cut = (value, side) =>
-    interval && (!Number.isFinite(value) || (side < 0 ? value < range.low : value > range.high));
+  const cut = (value, side) => !Number.isFinite(value) || (side < 0 ? value < range.low : value > range.high);
+  const end = (x, value, side) =>
+    cut(value, side)
+      ? svg(
+          "svg",
+          { x: percentAt(side < 0 ? 0 : 1), overflow: "visible" },
+          svg("path", { d: `M0 10l${-8 * side} -5v10z`, class: `fill row-${k}` }),
+        )
+      : svg("line", { x1: x, x2: x, y1: 5, y2: 15, class: `stroke thin row-${k}` });
   return svg(
     "svg",
     {
-      viewBox: "0 0 320 20",
       class: "bar-of",
       role: "img",
       "aria-label": `Estimate ${number(parameter.estimate)}, interval ${words}`,
     },
-    svg("line", { x1: 10, x2: 310, y1: 10, y2: 10, class: "range" }),
-    interval && svg("line", { x1: low, x2: high, y1: 10, y2: 10, class: `stroke row-${k}` }),
-    interval &&
-      !cut(interval.lower, -1) &&
-      svg("line", { x1: low, x2: low, y1: 5, y2: 15, class: `stroke thin row-${k}` }),
-    interval &&
-      !cut(interval.upper, 1) &&
-      svg("line", { x1: high, x2: high, y1: 5, y2: 15, class: `stroke thin row-${k}` }),
-    interval && cut(interval.lower, -1) && svg("path", { d: "M10 10l8 -5v10z", class: `fill row-${k}` }),
-    interval && cut(interval.upper, 1) && svg("path", { d: "M310 10l-8 -5v10z", class: `fill row-${k}` }),
+    svg("line", { x1: percentAt(0), x2: percentAt(1), y1: 10, y2: 10, class: "range" }),
+    interval && [
+      svg("line", { x1: low, x2: high, y1: 10, y2: 10, class: `stroke row-${k}` }),
+      end(low, interval.lower, -1),
+      end(high, interval.upper, 1),
+    ],
     svg("circle", { cx: middle, cy: 10, r: 4.5, class: `fill row-${k}` }),
   );
 }
@@ -220,7 +227,7 @@ async function overlay(view, runs, content, outcome) {
       const [first] = lines;
       const drawn = plot({
         title: `${words(first.name)}, measured and simulated`,
-        height: 280,
+        height: 340,
         signal: view.signal,
         x: { label: "time", unit: "s" },
         y: { label: words(first.name), unit: first.output.unit },

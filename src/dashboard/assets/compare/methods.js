@@ -84,7 +84,7 @@ function spread(statistics, shown) {
   return statistics
     ? [
         shown(statistics.median),
-        h("span", { class: "quiet" }, ` (${shown(statistics.least)} … ${shown(statistics.largest)})`),
+        h("div", { class: "quiet fine" }, `${shown(statistics.least)} … ${shown(statistics.largest)}`),
       ]
     : "–";
 }
@@ -93,7 +93,7 @@ function parts(comparison) {
   const columns = [
     { title: "Method" },
     { title: "Found the lowest cost", numeric: true },
-    { title: "Evaluations, median (least … largest)", numeric: true },
+    { title: "Evaluations", numeric: true },
     { title: "Time", numeric: true },
     { title: "Cost over the lowest", numeric: true },
     { title: "Estimates differ by", numeric: true },
@@ -119,9 +119,9 @@ function parts(comparison) {
     h(
       "p",
       { class: "quiet" },
-      "A run has found the lowest cost when its own is within 1 % of it. That says nothing about a minimum that none of them found.",
+      "Numbers are medians, with the least and the largest below. A run has found the lowest cost when its cost is within 1 % of it. That says nothing about a minimum that none of them found.",
     ),
-    table("Methods", columns, rows, { empty: "No run has ended yet." }),
+    table("Methods", columns, rows, { empty: "No run has ended yet.", stacked: true }),
     h(
       "div",
       { class: "actions" },

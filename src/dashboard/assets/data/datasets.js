@@ -153,7 +153,7 @@ function plots(view, dataset, outcome) {
 
 // Plots signals over a common time and shades what the quality report says about them. `onBrush` and
 // `spans` are handed to each plot.
-export function signalPlots({ view, dataset, names, failed, onBrush = null, spans = [], height = 150 }) {
+export function signalPlots({ view, dataset, names, failed, onBrush = null, spans = [], height = 220 }) {
   // The address separates the names of signals by commas, so a name with a comma in it can only be had
   // by asking for all signals.
   const signals = names.some((name) => name.includes(",")) ? null : names.join(",");

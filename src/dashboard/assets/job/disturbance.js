@@ -23,7 +23,7 @@ export function disturbancePanel(view, id) {
   const content = h("div", {});
   const element = h(
     "section",
-    { "aria-label": "What acted on the plant", hidden: true },
+    { "aria-label": "What acted on the plant", "data-part": "What acted on the plant", hidden: true },
     h("h2", { id: "disturbance" }, "What acted on the plant"),
     outcome.place,
     content,
@@ -42,7 +42,14 @@ export function disturbancePanel(view, id) {
       const signal = leave.signal;
       view.signal.addEventListener("abort", () => leave.abort(), { once: true });
       const charts = h("div", {});
-      content.replaceChildren(...told(noise), charts, ...compared(noise));
+      content.replaceChildren(
+        h(
+          "div",
+          { class: "workbench" },
+          h("div", {}, ...told(noise), charts),
+          h("div", {}, ...compared(noise)),
+        ),
+      );
       if (noise.disturbances.length === 0) {
         return;
       }
@@ -162,14 +169,14 @@ function pictures({ disturbance, index, group, held, signal }) {
     title: `Disturbance of the ${name}`,
     x,
     y: { label: `disturbance of the ${name}`, unit, difference: true },
-    height: 240,
+    height: 280,
     group,
     spans,
     signal,
     series: [
       { name: step ? "mean from sample to sample" : "disturbance", look: "first", step },
-      { name: "95 % band from", look: "measured", thin: true, step },
-      { name: "to", look: "measured", thin: true, step },
+      { name: "95 % band from", legend: "95 % band", look: "measured", thin: true, step },
+      { name: "to", legend: null, look: "measured", thin: true, step },
     ],
     bands: [{ upper: 2, lower: 1, look: "first" }],
   });
@@ -177,14 +184,14 @@ function pictures({ disturbance, index, group, held, signal }) {
     title: "How unexpected each change is (t)",
     x,
     y: { label: "t", unit: "" },
-    height: 140,
+    height: 220,
     group,
     spans,
     signal,
     series: [
       { name: "t", look: "second" },
-      { name: "event above", look: "faint" },
-      { name: "and below", look: "faint" },
+      { name: "event above", legend: "limits of an event", look: "faint" },
+      { name: "and below", legend: null, look: "faint" },
     ],
   });
   group.feed(path, (shown) => {

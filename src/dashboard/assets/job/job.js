@@ -7,6 +7,7 @@ import { get, send } from "../shell/api.js";
 import { facts, h, notice, problemBox } from "../shell/dom.js";
 import { instant } from "../shell/format.js";
 import { FOLLOWS } from "../shell/prepared.js";
+import { contentsOf } from "./contents.js";
 import { designPanel } from "./design.js";
 import { disturbancePanel } from "./disturbance.js";
 import { isFinished, JobFeed } from "./feed.js";
@@ -35,17 +36,31 @@ export function showJob(view, id) {
   const design = designPanel(view);
   const body = h("div", { hidden: true }, parts.actions, parts.about);
   const columns = [h("div", {}), h("div", {})];
-  const workbench = h("div", { class: "workbench" }, columns);
   const below = h("div", {});
+  const parted = h("div", { class: "parts" }, h("div", { class: "workbench" }, columns), below);
+  const contents = contentsOf(parted, view.signal);
+  const page = h("div", { class: "with-contents" }, contents.element, parted);
   // The result stands first once there is a result; until then the progress stands first. A wide page has the
-  // numbers and the plots beside each other.
+  // numbers and the plots beside each other, and what is behind the numbers below.
   const arrange = (hasResult) => {
     const { live, progress, result, trajectory, disturbance } = panels;
     const elements = (...shown) => shown.map(({ element }) => element);
     columns[0].replaceChildren(...elements(...(hasResult ? [result] : [progress])));
-    columns[1].replaceChildren(...elements(...(hasResult ? [trajectory, disturbance] : [live, result])));
-    below.replaceChildren(...elements(...(hasResult ? [progress, live] : [trajectory, disturbance])));
-    body.append(workbench, below, parts.spec);
+    columns[1].replaceChildren(...elements(...(hasResult ? [trajectory] : [live, result])));
+    below.replaceChildren(
+      ...(hasResult
+        ? [
+            ...elements(disturbance),
+            result.analysis,
+            ...elements(progress),
+            result.searched,
+            ...elements(live),
+          ]
+        : elements(trajectory, disturbance)),
+    );
+    parted.append(parts.spec);
+    body.append(page);
+    contents.draw();
   };
   view.root.append(h("div", { class: "title" }, heading, parts.state, parts.connection), outcome.place, body);
 
@@ -82,6 +97,7 @@ export function showJob(view, id) {
           parts.state.replaceChildren(badge(job.status), " ", ...trust(result));
           panels.trajectory.load(job);
           panels.disturbance.load(job, result);
+          contents.draw();
         }
       });
     },
@@ -106,7 +122,7 @@ export function showJob(view, id) {
 
 /** @param {any} result */
 function trust({ verdict }) {
-  return verdict?.trust ? [h("span", {}, "trust "), trustBadge(verdict.trust)] : [];
+  return verdict?.trust ? [h("span", { class: "quiet" }, "trust "), trustBadge(verdict.trust)] : [];
 }
 
 function asProblem(error) {

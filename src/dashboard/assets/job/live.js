@@ -40,7 +40,7 @@ export function livePanel(view, id) {
   );
   const element = h(
     "details",
-    { class: "live" },
+    { class: "live", "data-part": "Candidates" },
     h("summary", {}, "Candidates, and the best against what was measured"),
     outcome.place,
     h("div", { class: "pair" }, scatter, compared.element),

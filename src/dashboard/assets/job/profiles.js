@@ -23,7 +23,7 @@ export function profilesPart(view, result) {
     const label = words(name ?? state);
     const chart = plot({
       title: label,
-      height: 190,
+      height: 220,
       signal: view.signal,
       x: { label, unit },
       y: { label: "rise", unit: "" },
@@ -48,6 +48,6 @@ export function profilesPart(view, result) {
       { class: "quiet" },
       "All other estimates are fitted again while this one is held (dots). The interval ends where the curve reaches 1; a parabola means that it is symmetric, a side that stays low that the data leave it open.",
     ),
-    charts,
+    h("div", { class: "multiples" }, charts),
   );
 }

@@ -31,7 +31,7 @@ export function progressPanel(view) {
   });
   const element = h(
     "section",
-    { "aria-label": "Progress" },
+    { "aria-label": "Progress", "data-part": "The search" },
     h("h2", {}, "The search"),
     bar,
     numbers,
@@ -71,12 +71,14 @@ export function progressPanel(view) {
 // own, which counts all samples.
 function counts(job, last) {
   const { phase, generation, generations, evaluations, eta_s: left } = job.progress ?? {};
-  const at = Math.max(generation ?? 0, last?.generation ?? 0);
+  // The plots show the generations that have been read, and the numbers beside them are of the last of these.
+  const at = last?.generation ?? generation ?? 0;
+  const judged = last ? Math.max(last.evaluations, evaluations ?? 0) : evaluations;
   const limit = generations ? ` of at most ${count(generations)}` : "";
   return facts([
     ["Phase", isFinished(job) ? null : words(phase ?? "waiting")],
     ["Generation", job.progress || last ? `${count(at)}${limit}` : null],
-    ["Evaluations", evaluations === undefined ? null : count(evaluations)],
+    ["Evaluations", judged === undefined ? null : count(judged)],
     ["Best cost in the search", last && number(last.best_cost)],
     ["Best credit", last && number(last.best_credit, 3)],
     [

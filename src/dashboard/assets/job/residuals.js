@@ -30,7 +30,7 @@ function pictures(view, residual, several) {
   const { from, width, counts } = residual.histogram;
   const spread = plot({
     title: `${title}: spread of the residuals`,
-    height: 190,
+    height: 240,
     signal,
     x: { label: "measured − simulated", unit: residual.unit },
     y: { label: "residuals", unit: "" },
@@ -38,19 +38,19 @@ function pictures(view, residual, several) {
   });
   const memory = plot({
     title: `${title}: autocorrelation`,
-    height: 190,
+    height: 240,
     signal,
     x: { label: "lag", unit: "samples" },
     y: { label: "correlation", unit: "" },
     series: [
       { name: "correlation", look: "first", bars: true },
-      { name: "white up to", look: "faint" },
-      { name: "and down to", look: "faint" },
+      { name: "white up to", legend: "limits of white", look: "faint" },
+      { name: "and down to", legend: null, look: "faint" },
     ],
   });
   const spectrum = plot({
     title: `${title}: spectrum`,
-    height: 190,
+    height: 240,
     signal,
     x: { label: "frequency", unit: "Hz" },
     y: { label: "power density", unit: `${residual.unit}²/Hz`, log: true },
@@ -73,7 +73,7 @@ function pictures(view, residual, several) {
   return h(
     "div",
     {},
-    h("div", { class: "pair three" }, spread.element, memory.element, spectrum.element),
+    h("div", { class: "multiples" }, spread.element, memory.element, spectrum.element),
     h(
       "p",
       { class: "quiet" },
@@ -86,7 +86,7 @@ export function startsPart(view, starts) {
   const ended = starts.filter(({ cost }) => Number.isFinite(cost)).sort((a, b) => a.cost - b.cost);
   const waterfall = plot({
     title: "Cost where each start of the refinement ended",
-    height: 190,
+    height: 240,
     signal: view.signal,
     x: { label: "start, best first", unit: "" },
     y: { label: "cost", unit: "", log: ended.every(({ cost }) => cost > 0) },

@@ -9,19 +9,14 @@ import { facts, h, notice, quoted } from "../shell/dom.js";
 import { count, number, words } from "../shell/format.js";
 import { prepare } from "../shell/prepared.js";
 import { ancestryPart, followed } from "./ancestry.js";
+import { budgetPart } from "./budget.js";
+import { correlationPart } from "./correlation.js";
 import { effectsPart } from "./effects.js";
 import { isAtRest, isFinished } from "./feed.js";
 import { posteriorPart } from "./posterior.js";
 import { profiled, profilesPart } from "./profiles.js";
 import { residualsPart, startsPart } from "./residuals.js";
-import {
-  bestTable,
-  budgetTable,
-  correlationTable,
-  fitTable,
-  initialStateTable,
-  parameterTable,
-} from "./tables.js";
+import { bestTable, fitTable, initialStateTable, parameterTable } from "./tables.js";
 import { conclusions } from "./verdict.js";
 
 export function resultPanel(view) {
@@ -37,7 +32,15 @@ export function resultPanel(view) {
     last: null,
     turn: 0,
   };
-  const element = h("section", { "aria-label": "Estimate" }, h("h2", {}, "Estimate"), outcome.place, content);
+  const element = h(
+    "section",
+    { "aria-label": "Estimate", "data-part": "Estimate" },
+    h("h2", {}, "Estimate"),
+    outcome.place,
+    content,
+  );
+  const analysis = h("div", { class: "analysis" });
+  const searched = h("div", {});
 
   const drawBest = () => {
     if (state.job && !state.result) {
@@ -47,6 +50,10 @@ export function resultPanel(view) {
   };
   return {
     element,
+    // The pictures and tables behind the numbers of the estimate.
+    analysis,
+    // How the search and the refinement came to the estimate.
+    searched,
     // Answers the result, or null while there is none.
     async job(job) {
       state.job = job;
@@ -67,7 +74,9 @@ export function resultPanel(view) {
       }
       state.result = result;
       if (result) {
-        content.replaceChildren(...report(result, state).filter(Boolean));
+        content.replaceChildren(...numbers(result, state).filter(Boolean));
+        analysis.replaceChildren(...analyses(result, state).filter(Boolean));
+        searched.replaceChildren(...searches(result, state).filter(Boolean));
       } else {
         drawBest();
       }
@@ -117,44 +126,58 @@ function bestSoFar({ last, job, model }) {
 }
 
 /** @param {any} result */
-function report(result, { job, model, rules, truths, view }) {
+function numbers(result, { job, model, rules, truths, view }) {
   const part = job.status === "succeeded" ? "" : " (best so far)";
-  const { initial_states: states = [], starts = [], correlation, budget = [] } = result;
+  const { initial_states: states = [] } = result;
   return [
     verdictBox(result, job, rules ?? []),
     ancestryPart(view, job, result),
     result.model_search && effectsPart(result.model_search),
-    h("h3", {}, `Parameters${part}`),
+    h("h3", { "data-part": "Parameters" }, `Parameters${part}`),
     parameterTable(result.parameters ?? [], job, model, truths),
     states.length > 0 && h("div", {}, h("h3", {}, "Initial states"), initialStateTable(states)),
-    h("h3", {}, "Fit"),
+    h("h3", { "data-part": "Fit" }, "Fit"),
     fitTable(result.fit, model),
-    budget.length > 0 &&
-      folded("What was taken as known, and what that does (uncertainty budget)", () => budgetTable(result)),
-    correlation?.names.length > 1 && folded("Correlation of the errors", () => correlationTable(correlation)),
-    Object.keys(result.residuals ?? {}).length > 0 &&
-      folded("Residuals: spread, memory, spectrum", () => residualsPart(view, job, result, model)),
-    profiled(result).length > 0 && folded("Likelihood profiles", () => profilesPart(view, result)),
-    result.posterior && folded("Draws from the posterior", () => posteriorPart(job, result)),
-    starts.length > 1 && folded(`${starts.length} starts of the refinement`, () => startsPart(view, starts)),
-    folded("How it was found, in numbers", () => search(result)),
     downloads(result, job),
   ];
 }
 
-// The content of a folded part is made when the reader opens it.
-function folded(title, make) {
+/** @param {any} result */
+function analyses(result, { job, model, view }) {
+  const { correlation, budget = [] } = result;
+  const isWide = matchMedia("(min-width: 100rem)").matches;
+  return [
+    budget.length > 0 && analysed("Uncertainty budget", () => budgetPart(result), true),
+    correlation?.names.length > 1 &&
+      analysed("Correlation of the errors", () => correlationPart(correlation), true),
+    profiled(result).length > 0 &&
+      analysed("Likelihood profiles", () => profilesPart(view, result), true, "across"),
+    Object.keys(result.residuals ?? {}).length > 0 &&
+      analysed("Residuals", () => residualsPart(view, job, result, model), isWide, "across"),
+    result.posterior && analysed("Draws from the posterior", () => posteriorPart(job, result)),
+  ];
+}
+
+/** @param {any} result */
+function searches(result, { view }) {
+  const { starts = [] } = result;
+  return [
+    starts.length > 1 && analysed("Starts of the refinement", () => startsPart(view, starts)),
+    analysed("The search in numbers", () => search(result)),
+  ];
+}
+
+// A part of the analysis can be closed. Its content is made when it is first open.
+function analysed(title, make, isOpen = false, look = "") {
   const details = h(
     "details",
-    {
-      ontoggle: () => {
-        if (details.open && details.children.length === 1) {
-          details.append(make());
-        }
-      },
-    },
-    h("summary", {}, title),
+    { class: `analysed ${look}`, "data-part": title },
+    h("summary", {}, h("h3", {}, title)),
   );
+  const fill = () => details.open && details.children.length === 1 && details.append(make());
+  details.addEventListener("toggle", fill);
+  details.open = isOpen;
+  fill();
   return details;
 }
 

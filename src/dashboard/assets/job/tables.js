@@ -1,12 +1,9 @@
 // @ts-check
-// This module makes the tables of a result: parameters and initial states, fit, residuals, correlation,
-// budget and starts.
+// This module makes the tables of a result: parameters and initial states, fit, residuals and starts.
 
-import { keyOf } from "../compare/differences.js";
 import { intervalBar } from "../compare/jobs.js";
 import { h, table } from "../shell/dom.js";
 import { count, number, percent, quantity, unitText, withError, words } from "../shell/format.js";
-import { heatTable } from "./heat.js";
 
 const ESTIMATE_COLUMNS = [
   { title: "Parameter" },
@@ -17,6 +14,9 @@ const ESTIMATE_COLUMNS = [
   { title: "On its search range" },
   { title: "Trust" },
 ];
+
+// The level that the title of the column says.
+const USUAL_LEVEL = 0.95;
 
 // The truth is known of a demonstration alone.
 const TRUE_COLUMN = { title: "True value", numeric: true };
@@ -69,7 +69,7 @@ export function bestTable(row, job, model) {
       "",
     ];
   });
-  return table("Best parameters so far", ESTIMATE_COLUMNS, rows);
+  return table("Best parameters so far", ESTIMATE_COLUMNS, rows, { stacked: true });
 }
 
 /**
@@ -183,9 +183,9 @@ function intervalText({ level, lower, upper, method }) {
   });
   return h(
     "span",
-    { title: method ? `method: ${words(method)}` : null },
+    { class: "interval-text", title: method ? `method: ${words(method)}` : null },
     `${low} … ${high}`,
-    h("span", { class: "quiet" }, ` (${percent(100 * level)})`),
+    level !== USUAL_LEVEL && h("span", { class: "quiet" }, ` (${percent(100 * level)})`),
   );
 }
 
@@ -230,121 +230,6 @@ export function residualTable(residuals, model) {
     ];
   });
   return table("Residuals of the outputs", RESIDUAL_COLUMNS, rows);
-}
-
-/** @param {import("page/api").Schemas["Correlation"]} correlation */
-export function correlationTable({ names, matrix, condition_number: condition }) {
-  const short = names.map(words);
-  return h(
-    "div",
-    {},
-    heatTable("Correlation of the errors", short, short, (i, k) => {
-      const value = matrix[i]?.[k];
-      return value === null || value === undefined
-        ? { text: "–" }
-        : { text: i === k ? "1" : number(value, Math.abs(value) > 0.99 ? 4 : 2), value: i === k ? 0 : value };
-    }),
-    h(
-      "p",
-      { class: "quiet" },
-      "Near 1 or −1 the data fix a combination of the two better than either.",
-      Number.isFinite(condition) ? ` Condition number ${number(condition, 3)}.` : "",
-    ),
-  );
-}
-
-// The table has, for each assumption, its share of the variance of each parameter and how hard the
-// residuals pull at it.
-/** @param {{ budget?: import("page/api").Schemas["BudgetLine"][], parameters?: any[] }} result */
-export function budgetTable({ budget, parameters }) {
-  const keys = parameters.map(keyOf).filter((key) => budget.some(({ contributions }) => contributions[key]));
-  const largest = ({ contributions }) =>
-    Math.max(0, ...Object.values(contributions).map(({ share }) => Math.abs(share)));
-  const lines = [...budget].sort((a, b) => largest(b) - largest(a));
-  const columns = ["Value", "Residuals pull", "Would explain them", ...keys.map(words)];
-  const cells = lines.map((line) => {
-    const { value, tolerance, unit, score, suggested, by_default } = line;
-    const pull =
-      score === null
-        ? { text: "–", title: "the residuals cannot tell it from the unknowns" }
-        : {
-            text: `${number(score, 2)} σ`,
-            value: Math.abs(score) > 4 ? -1 : 0,
-            title: Math.abs(score) > 4 ? "the residuals contradict it" : null,
-          };
-    return [
-      {
-        text: `${number(value, 4)} ± ${number(tolerance, 2)} ${unit === "1" ? "" : unit}`,
-        title: by_default ? "nobody declared the tolerance" : null,
-      },
-      pull,
-      { text: suggested ? `${number(suggested.value, 4)} ± ${number(suggested.standard_error, 2)}` : "–" },
-      ...keys.map((key) => {
-        const contribution = line.contributions[key];
-        return contribution && Math.abs(contribution.share) >= 0.005
-          ? {
-              text: `${number(100 * contribution.share, 2)} %`,
-              value: contribution.share,
-              title: `± ${number(contribution.standard_error, 2)}; five times better known: ± ${number(contribution.total_if_better, 2)} in all`,
-            }
-          : { text: "" };
-      }),
-    ];
-  });
-  // Each column sums to 100 %: with the noise, and with what the total covers beside the budget.
-  const remainders = keys.map((key) =>
-    remainderOf(
-      parameters.find((parameter) => keyOf(parameter) === key),
-      budget,
-    ),
-  );
-  const row = (part, title) => [
-    ...Array.from({ length: 3 }, () => ({ text: "" })),
-    ...remainders.map((remainder) => ({
-      text: remainder ? `${number(100 * remainder[part], 2)} %` : "–",
-      title,
-    })),
-  ];
-  const names = lines.map(({ assumption }) => words(assumption));
-  names.push("noise alone");
-  cells.push(row("noise", "what noise alone leaves unknown"));
-  if (remainders.some((remainder) => remainder?.beside > 0.005)) {
-    names.push("what else the total covers");
-    cells.push(
-      row(
-        "beside",
-        "assumptions that cannot be simulated beside the estimate, other noise models, windows or changes",
-      ),
-    );
-  }
-  return h(
-    "div",
-    {},
-    heatTable("Uncertainty budget", names, columns, (i, k) => cells[i][k], { corner: "Taken as known" }),
-    h(
-      "p",
-      { class: "quiet" },
-      "Each parameter's column: which share of what is not known of it comes from which assumption. Beyond ± 4 σ the residuals contradict the value.",
-      budget.some((line) => line.by_default)
-        ? " A model document takes some of them as exact: their tolerances are defaults, and `tolerances` of the job says otherwise."
-        : "",
-    ),
-  );
-}
-
-// The shares of the total's square that no assumption has: that of noise alone, and that of what the total
-// covers beside the budget; null where the total is not known.
-/** @param {any} parameter @param {import("page/api").Schemas["BudgetLine"][]} budget */
-export function remainderOf(parameter, budget) {
-  const { standard_error: error, total_standard_error: total } = parameter;
-  if (!(error >= 0) || !(total > 0)) {
-    return null;
-  }
-  const noise = (error / total) ** 2;
-  const assumed = budget
-    .map(({ contributions }) => contributions[keyOf(parameter)]?.share ?? 0)
-    .reduce((sum, share) => sum + share, 0);
-  return { noise, beside: Math.max(0, 1 - noise - assumed) };
 }
 
 /** @param {import("page/api").Schemas["StartReport"][]} starts */

@@ -19,7 +19,7 @@ export function trajectoryPanel(view, id) {
   const charts = h("div", {});
   const element = h(
     "section",
-    { "aria-label": "Outputs", hidden: true },
+    { "aria-label": "Outputs", "data-part": "Measured and simulated", hidden: true },
     h("h2", { id: "outputs" }, "Measured and simulated"),
     outcome.place,
     charts,
@@ -85,15 +85,15 @@ function draw({ place, id, job, experiment, k, number, recording, signal, outcom
     // The band is where the simulated output lies with 95 % under the errors of the estimates.
     const band = deviation
       ? [
-          { name: "95 % band from", look: "faint" },
-          { name: "to", look: "faint" },
+          { name: "95 % band from", legend: "95 % band", look: "faint" },
+          { name: "to", legend: null, look: "faint" },
         ]
       : [];
     const compared = plot({
       title: `${words(name)}, measured and simulated`,
       x,
       y: { label: words(name), unit, recorded },
-      height: 260,
+      height: 340,
       group,
       spans,
       signal,
@@ -104,7 +104,7 @@ function draw({ place, id, job, experiment, k, number, recording, signal, outcom
       title: `${words(name)}, residual (measured − simulated)`,
       x,
       y: { label: "residual", unit, difference: true, recorded },
-      height: 150,
+      height: 230,
       group,
       spans,
       signal,
@@ -128,7 +128,7 @@ function draw({ place, id, job, experiment, k, number, recording, signal, outcom
       title: `${words(input)}, input`,
       x,
       y: { label: words(input), unit: "", recorded: recordedUnit(signalNamed(name)) },
-      height: 130,
+      height: 210,
       group,
       spans,
       signal,

@@ -4,20 +4,46 @@
 
 export const FILTERS = ["text", "status", "trust", "model", "method", "label", "dataset"];
 
-// Reads the filter and the order from the query of an address.
-/** @returns {{ [name: string]: string } & { sort: string, descending: any }} */
-export function fromQuery(query) {
-  /** @type {any} */
+// Reads the filter, the order, the grouping and the columns from the query of an address. An address that
+// names no grouping or no columns leaves them to `usual`.
+/**
+ * @param {URLSearchParams} query
+ * @param {{ group?: string, columns?: string[] }} [usual]
+ * @returns {any}
+ */
+export function fromQuery(query, { group = "", columns = [] } = {}) {
   const filter = Object.fromEntries(FILTERS.map((name) => [name, query.get(name) ?? ""]));
-  const [sort, direction] = (query.get("sort") ?? "created:down").split(":");
-  return { ...filter, sort, descending: direction !== "up" };
+  const [, sort, direction] = /^(.*?)(?::(up|down))?$/.exec(query.get("sort") ?? "created:down");
+  const named = query.get("columns");
+  return {
+    ...filter,
+    sort,
+    descending: direction !== "up",
+    group: query.get("group") ?? group,
+    columns: named === null ? columns : named.split(",").filter(Boolean),
+  };
 }
 
-// Writes the filter and the order as the query of an address; the usual values are left out.
-export function toQuery({ sort, descending, ...filter }) {
-  const parameters = Object.entries(filter).filter(([, value]) => value);
+// Writes the filter, the order, the grouping and the columns as the query of an address. What is usual is left
+// out, unless the query is to say `all`.
+/**
+ * @param {any} filter
+ * @param {{ group?: string, columns?: string[] }} [usual]
+ */
+export function toQuery(
+  { sort, descending, group, columns, ...filter },
+  { group: usualGroup = "", columns: usualColumns = [] } = {},
+  all = false,
+) {
+  const parameters = FILTERS.filter((name) => filter[name]).map((name) => [name, filter[name]]);
   if (sort !== "created" || !descending) {
     parameters.push(["sort", `${sort}:${descending ? "down" : "up"}`]);
+  }
+  if (all || group !== usualGroup) {
+    parameters.push(["group", group]);
+  }
+  if (all || String(columns) !== String(usualColumns)) {
+    parameters.push(["columns", String(columns)]);
   }
   return parameters.length ? `?${new URLSearchParams(parameters)}` : "";
 }
@@ -85,12 +111,26 @@ const KEYS = {
   method: (job) => job.method ?? "",
   dataset: (job) => (job.datasets[0]?.name ?? "").toLowerCase(),
   duration: (job, { now }) => seconds(job, now) ?? -1,
+  started: (job) => job.started_at ?? "",
+  finished: (job) => job.finished_at ?? "",
+  generations: (job) => job.progress?.generation ?? -1,
+  evaluations: (job) => job.progress?.evaluations ?? -1,
+  cost: (job) => job.progress?.best_cost ?? Infinity,
 };
+
+const LABEL = "label:";
+
+// Jobs are sorted by a column, or by a label.
+function keyOfColumn(sort) {
+  return sort.startsWith(LABEL)
+    ? ({ labels }) => (labels[sort.slice(LABEL.length)] ?? "").toLowerCase()
+    : (KEYS[sort] ?? KEYS.created);
+}
 
 // Gives the jobs that a filter lets through, in its order; of jobs with equal keys the newest comes
 // first. The `trusts` of the filter are the grades of a verdict from the lowest on.
 export function arranged(jobs, filter, now) {
-  const key = KEYS[filter.sort] ?? KEYS.created;
+  const key = keyOfColumn(filter.sort);
   const sign = filter.descending ? -1 : 1;
   const passes = matcher(filter);
   const kept = [];

@@ -1,20 +1,29 @@
 // @ts-check
-// The page lists all jobs. They are searched, filtered and sorted here, and kept up to date by the
-// stream of all jobs. The address has the filter.
+// The page lists all jobs. They are searched, filtered, sorted and grouped here, and kept up to date by the
+// stream of all jobs. The address has the filter, the order, the grouping and the columns.
 
 import { get, query } from "../shell/api.js";
 import { described, namesIn } from "../shell/description.js";
 import { h, notice } from "../shell/dom.js";
 import { count, words } from "../shell/format.js";
+import { FOLLOWS } from "../shell/prepared.js";
 import { BulkActions } from "./bulk.js";
+import { columnsOffered, columnsShown, USUAL } from "./columns.js";
+import { dropdown } from "./dropdown.js";
 import { arranged, fromQuery, matcher, toQuery } from "./filter.js";
+import { entriesOf, groupingsOffered } from "./groups.js";
 import { JobRows } from "./rows.js";
 import { startPanel } from "./start.js";
+import { keepChoice, lastChoice, viewMenu } from "./views.js";
 
 const FIRST_PAGE = 100;
 const PAGE = 500;
 const MOST = 50_000;
+const MOST_LABELS = 40;
 const COMPARED = [2, 10];
+const SORTED_DOWN = ["created", "started", "finished", "trust", "duration", "generations", "evaluations"];
+// What the address leaves out.
+const USUAL_LIST = { group: "", columns: USUAL };
 
 export function showJobs(view) {
   const list = new JobList(view);
@@ -41,20 +50,28 @@ export function showJobs(view) {
 class JobList {
   constructor(view) {
     this.view = view;
-    this.filter = fromQuery(view.query);
+    this.filter = fromQuery(view.query, { ...USUAL_LIST, ...lastChoice() });
+    this.closed = new Set();
+    this.labels = new Set();
     this.jobs = new Map();
     this.drawing = false;
     this.sorted = null;
     this.models = new Set();
     this.trusts = [];
     this.loaded = false;
+    this.whole = false;
+    this.isFitted = null;
     this.outcome = notice();
     this.summary = h("p", { class: "quiet", role: "status" }, "Loading …");
     this.emptyNote = h("p", { hidden: true }, "No job is like this.");
     // Who has no job yet gets to know what this is.
     this.start = h("div", { hidden: true }, startPanel(view));
     this.connection = h("span", { class: "quiet", role: "status" });
-    this.rows = new JobRows({ sorted: (key) => this.sort(key), chosen: () => this.choose() });
+    this.rows = new JobRows({
+      sorted: (key) => this.sort(key),
+      chosen: () => this.choose(),
+      toggled: (id) => this.toggle(id),
+    });
     this.compare = h(
       "button",
       {
@@ -69,9 +86,9 @@ class JobList {
     // Only jobs that the list shows are acted on; a filter may hide others that were selected.
     const selected = () => this.rows.jobs.filter(({ id }) => this.rows.selected.has(id));
     this.bulk = new BulkActions(selected, this.outcome);
-    this.rows.order(this.filter.sort, this.filter.descending);
-    const resized = () => this.rows.draw();
-    addEventListener("resize", resized, { signal: view.signal });
+    this.rows.orderBy(this.filter.sort, this.filter.descending);
+    this.rows.setColumns(columnsShown(this.filter.columns));
+    addEventListener("resize", () => this.rows.resize(), { signal: view.signal });
   }
 
   fields() {
@@ -117,6 +134,7 @@ class JobList {
           oninput: set("label"),
         }),
       ),
+      this.layoutFields(),
     );
     described().then(
       (description) => {
@@ -130,6 +148,73 @@ class JobList {
       (error) => this.outcome.fail(error),
     );
     return fields;
+  }
+
+  // The fields choose how the list is laid out: the grouping, the columns, and saved views.
+  layoutFields() {
+    this.groupPlace = h("select", {
+      onchange: ({ target }) => {
+        this.filter.group = target.value;
+        this.closed.clear();
+        this.choosesLayout();
+      },
+    });
+    this.columnPlace = h("div", { class: "columns" });
+    this.drawLabels();
+    const present = () => toQuery(this.filter, USUAL_LIST, true);
+    return [
+      h("label", {}, "Group by", this.groupPlace),
+      dropdown("Columns", this.columnPlace, this.view.signal),
+      dropdown("Views", viewMenu(present), this.view.signal),
+    ];
+  }
+
+  // Offers the columns and the groupings of the labels that the jobs have.
+  drawLabels() {
+    const { group, columns } = this.filter;
+    const labels = new Set(this.labels);
+    for (const key of [group, ...columns].filter((name) => name.startsWith("label:"))) {
+      labels.add(key.slice("label:".length));
+    }
+    this.groupPlace.replaceChildren(
+      h("option", { value: "" }, "nothing"),
+      ...groupingsOffered(labels).map(({ key, title }) =>
+        h("option", { value: key, selected: key === group }, title),
+      ),
+    );
+    const choose = (key) => (event) => {
+      const chosen = new Set(this.filter.columns);
+      event.target.checked ? chosen.add(key) : chosen.delete(key);
+      this.filter.columns = columnsShown([...chosen]).map((column) => column.key);
+      this.rows.setColumns(columnsShown(this.filter.columns));
+      this.choosesLayout();
+    };
+    this.columnPlace.replaceChildren(
+      ...columnsOffered(labels).map(({ key, title, fixed }) =>
+        h(
+          "label",
+          { class: "inline" },
+          h("input", {
+            type: "checkbox",
+            checked: fixed || columns.includes(key),
+            disabled: fixed,
+            onchange: choose(key),
+          }),
+          title,
+        ),
+      ),
+    );
+  }
+
+  // A layout is kept for the next visit.
+  choosesLayout() {
+    keepChoice({ group: this.filter.group, columns: this.filter.columns });
+    this.changed();
+  }
+
+  toggle(id) {
+    this.closed.has(id) ? this.closed.delete(id) : this.closed.add(id);
+    this.draw();
   }
 
   // Offers the values of a filter; the chosen one stays even where it is not among them.
@@ -152,10 +237,10 @@ class JobList {
 
   sort(key) {
     const same = this.filter.sort === key;
-    this.filter.descending = same ? !this.filter.descending : ["created", "trust", "duration"].includes(key);
+    this.filter.descending = same ? !this.filter.descending : SORTED_DOWN.includes(key);
     this.filter.sort = key;
     this.sorted = null;
-    this.rows.order(key, this.filter.descending);
+    this.rows.orderBy(key, this.filter.descending);
     this.changed();
   }
 
@@ -169,7 +254,7 @@ class JobList {
 
   // The address follows the filter, without a step in the history for each letter.
   changed() {
-    history.replaceState(null, "", `#/jobs${toQuery(this.filter)}`);
+    history.replaceState(null, "", `#/jobs${toQuery(this.filter, USUAL_LIST)}`);
     this.draw();
   }
 
@@ -189,13 +274,18 @@ class JobList {
     const { sort, descending } = this.filter;
     this.sorted ??= arranged(this.jobs.values(), { sort, descending, trusts: this.trusts }, Date.now());
     const shown = this.sorted.filter(matcher(this.filter));
-    this.rows.show(shown);
+    this.rows.element.hidden = shown.length === 0;
+    this.rows.show(entriesOf(shown, this.filter.group, this.closed));
+    // The widths follow the first jobs, and all jobs once all are there.
+    if (shown.length > 0 && this.isFitted !== this.whole) {
+      this.isFitted = this.whole;
+      this.rows.fit();
+    }
     this.bulk.draw();
     const all = this.jobs.size;
     this.summary.textContent =
       shown.length === all ? `${count(all)} jobs` : `${count(shown.length)} of ${count(all)} jobs`;
     this.emptyNote.hidden = !this.loaded || all === 0 || shown.length > 0;
-    this.rows.element.hidden = shown.length === 0;
     this.start.hidden = !this.loaded || all > 0;
   }
 
@@ -205,6 +295,13 @@ class JobList {
     if (!this.models.has(job.model)) {
       this.models.add(job.model);
       this.drawModels();
+    }
+    const names = Object.keys(job.labels).filter((name) => name !== FOLLOWS && !this.labels.has(name));
+    if (names.length && this.labels.size < MOST_LABELS) {
+      for (const name of names) {
+        this.labels.add(name);
+      }
+      this.drawLabels();
     }
   }
 
@@ -262,6 +359,7 @@ class JobList {
         this.jobs.delete(id);
       }
       this.sorted = null;
+      this.whole = true;
       this.drawSoon();
       this.outcome.clear();
     } catch (error) {

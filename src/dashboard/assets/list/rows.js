@@ -3,59 +3,49 @@
 // that it keeps its focus and its selection.
 
 import { h } from "../shell/dom.js";
-import { duration, instant, words } from "../shell/format.js";
-import { FOLLOWS } from "../shell/prepared.js";
-import { seconds } from "./filter.js";
+import { count, instant } from "../shell/format.js";
+import { titleOf, widthNeeded, widthsIn } from "./columns.js";
+import { isHeading } from "./groups.js";
 
 const ROW = 44;
 const ROOM = 12;
+const BOX_WIDTH = 42;
+const STAMPS = { created: "created_at", started: "started_at", finished: "finished_at" };
+// What has no order to sort by.
+const UNSORTED = ["labels"];
 
-const COLUMNS = [
-  { key: "status", title: "Status" },
-  { key: "trust", title: "Trust" },
-  { key: "name", title: "Job" },
-  { key: "dataset", title: "Recording", wide: true },
-  { key: "model", title: "Model", wide: true },
-  { key: "method", title: "Method", wide: true },
-  { key: null, title: "Labels", wide: true },
-  { key: "duration", title: "Duration", wide: true },
-  { key: "created", title: "Created", wide: true },
-];
+const isPhone = () => matchMedia("(max-width: 60rem)").matches;
 
 export class JobRows {
-  // `sorted(key)` is called when a heading is pressed, `chosen()` when the selection has changed.
-  constructor({ sorted, chosen }) {
+  // `sorted(key)` is called when a heading is pressed, `chosen()` when the selection has changed, and
+  // `toggled(id)` when a group is opened or closed.
+  constructor({ sorted, chosen, toggled }) {
+    this.callbacks = { sorted, chosen, toggled };
+    this.entries = [];
     this.jobs = [];
+    this.chosenColumns = [];
+    this.columns = [];
     this.rows = new Map();
     this.selected = new Set();
-    this.chosen = chosen;
     this.headings = new Map();
-    const heading = ({ key, title, wide }) => {
-      const cell = h(
-        "th",
-        { scope: "col", class: wide ? "wide" : null },
-        key ? h("button", { type: "button", class: "heading", onclick: () => sorted(key) }, title) : title,
-      );
-      if (key) {
-        this.headings.set(key, cell);
-      }
-      return cell;
-    };
+    this.order = { sort: null, descending: false };
     this.all = h("input", {
       type: "checkbox",
       "aria-label": "Select all jobs that the list shows",
       onchange: ({ target }) => this.selectAll(target.checked),
     });
-    // The spacer spans the columns of the narrowest page; more columns would take room there.
-    const spacer = () => h("tr", { "aria-hidden": "true" }, h("td", { colspan: "4" }));
+    const spacer = () => h("tr", { "aria-hidden": "true" }, h("td", {}));
     this.above = spacer();
     this.below = spacer();
     this.body = h("tbody", {}, this.above, this.below);
+    this.widths = h("colgroup", {});
+    this.head = h("tr", {});
     this.table = h(
       "table",
       { class: "jobs" },
       h("caption", { class: "unseen" }, "Jobs"),
-      h("thead", {}, h("tr", {}, h("th", { scope: "col" }, this.all), COLUMNS.map(heading))),
+      this.widths,
+      h("thead", {}, this.head),
       this.body,
     );
     this.element = h(
@@ -65,10 +55,71 @@ export class JobRows {
     );
   }
 
-  order(key, descending) {
+  // Shows other columns; a phone shows the narrow ones among them.
+  /** @param {import("./columns.js").Column[]} columns */
+  setColumns(columns) {
+    this.chosenColumns = columns;
+    this.columns = isPhone() ? columns.filter(({ narrow }) => narrow) : columns;
+    this.headings.clear();
+    const heading = ({ key, title, numeric }) => {
+      const onclick = () => this.callbacks.sorted(key);
+      const cell = h(
+        "th",
+        { scope: "col", class: numeric ? "number" : null },
+        UNSORTED.includes(key) ? title : h("button", { type: "button", class: "heading", onclick }, title),
+      );
+      this.headings.set(key, cell);
+      return cell;
+    };
+    this.head.replaceChildren(h("th", { scope: "col" }, this.all), ...this.columns.map(heading));
+    for (const { element } of this.rows.values()) {
+      element.remove();
+    }
+    this.rows.clear();
+    const span = String(this.columns.length + 1);
+    this.above.firstChild.setAttribute("colspan", span);
+    this.below.firstChild.setAttribute("colspan", span);
+    this.mark();
+    this.fit();
+    this.draw();
+  }
+
+  // Follows the width of the window.
+  resize() {
+    if (isPhone() !== this.columns.length < this.chosenColumns.length) {
+      this.setColumns(this.chosenColumns);
+    }
+    this.fit();
+    this.draw();
+  }
+
+  // Gives each column the width that its texts need.
+  fit() {
+    const room = (this.element.clientWidth || innerWidth) - BOX_WIDTH;
+    const needs = this.columns.map((column) => widthNeeded(column, this.jobs, Date.now(), isPhone()));
+    const widths = [BOX_WIDTH, ...widthsIn(needs, room)];
+    this.widths.replaceChildren(
+      ...widths.map((width) => {
+        const column = h("col", {});
+        column.style.width = `${width}px`;
+        return column;
+      }),
+    );
+    this.table.style.width = `${Math.max(
+      room + BOX_WIDTH,
+      widths.reduce((sum, width) => sum + width, 0),
+    )}px`;
+  }
+
+  orderBy(sort, descending) {
+    this.order = { sort, descending };
+    this.mark();
+  }
+
+  mark() {
     for (const [name, cell] of this.headings) {
-      if (name === key) {
-        cell.setAttribute("aria-sort", descending ? "descending" : "ascending");
+      if (name === this.order.sort) {
+        cell.setAttribute("aria-sort", this.order.descending ? "descending" : "ascending");
       } else {
         cell.removeAttribute("aria-sort");
       }
@@ -80,24 +131,28 @@ export class JobRows {
       wanted ? this.selected.add(id) : this.selected.delete(id);
     }
     for (const [id, { box }] of this.rows) {
-      box.checked = this.selected.has(id);
+      if (box) {
+        box.checked = this.selected.has(id);
+      }
     }
-    this.chosen();
+    this.callbacks.chosen();
   }
 
-  show(jobs) {
-    this.jobs = jobs;
-    this.all.checked = jobs.length > 0 && jobs.every(({ id }) => this.selected.has(id));
-    this.table.setAttribute("aria-rowcount", String(jobs.length + 1));
+  // Shows jobs and the headings of groups. The jobs of closed groups are not among the entries.
+  show(entries) {
+    this.entries = entries;
+    this.jobs = entries.some(isHeading) ? entries.filter((entry) => !isHeading(entry)) : entries;
+    this.all.checked = this.jobs.length > 0 && this.jobs.every(({ id }) => this.selected.has(id));
+    this.table.setAttribute("aria-rowcount", String(entries.length + 1));
     this.draw();
   }
 
   draw() {
     const tall = this.element.clientHeight || 600;
     const first = Math.max(0, Math.floor(this.element.scrollTop / ROW) - ROOM);
-    const last = Math.min(this.jobs.length, Math.ceil((this.element.scrollTop + tall) / ROW) + ROOM);
-    const jobs = this.jobs.slice(first, last);
-    const ids = new Set(jobs.map(({ id }) => id));
+    const last = Math.min(this.entries.length, Math.ceil((this.element.scrollTop + tall) / ROW) + ROOM);
+    const entries = this.entries.slice(first, last);
+    const ids = new Set(entries.map(({ id }) => id));
     for (const [id, row] of this.rows) {
       if (!ids.has(id)) {
         row.element.remove();
@@ -105,10 +160,10 @@ export class JobRows {
       }
     }
     this.above.firstChild.style.height = `${first * ROW}px`;
-    this.below.firstChild.style.height = `${(this.jobs.length - last) * ROW}px`;
+    this.below.firstChild.style.height = `${(this.entries.length - last) * ROW}px`;
     let after = this.above;
-    jobs.forEach((job, k) => {
-      const row = this.row(job);
+    entries.forEach((entry, k) => {
+      const row = isHeading(entry) ? this.groupRow(entry) : this.row(entry);
       row.element.setAttribute("aria-rowindex", String(first + k + 2));
       if (after.nextSibling !== row.element) {
         after.after(row.element);
@@ -124,8 +179,28 @@ export class JobRows {
       this.rows.set(job.id, row);
     }
     if (row.job !== job || !job.finished_at) {
-      this.fill(row, job);
+      row.job = job;
+      for (const [k, column] of this.columns.entries()) {
+        fill(row.cells[k], column, job);
+      }
     }
+    return row;
+  }
+
+  groupRow({ id, title, size, isOpen }) {
+    let row = this.rows.get(id);
+    if (!row) {
+      const onclick = () => this.callbacks.toggled(id);
+      const button = h("button", { type: "button", class: "heading group", onclick });
+      const cell = h("th", { scope: "rowgroup", colspan: String(this.columns.length + 1) }, button);
+      row = { element: h("tr", { class: "group" }, cell), button };
+      this.rows.set(id, row);
+    }
+    const words = `${title} · ${count(size)} ${size === 1 ? "job" : "jobs"}`;
+    if (row.button.textContent !== words) {
+      row.button.textContent = words;
+    }
+    row.button.setAttribute("aria-expanded", String(isOpen));
     return row;
   }
 
@@ -136,39 +211,11 @@ export class JobRows {
       checked: this.selected.has(job.id),
       onchange: (event) => {
         event.target.checked ? this.selected.add(job.id) : this.selected.delete(job.id);
-        this.chosen();
+        this.callbacks.chosen();
       },
     });
-    const link = h("a", { href: `#/jobs/${job.id}` });
-    const cells = COLUMNS.map(({ wide }) => h("td", { class: wide ? "wide" : null }));
-    cells[2].append(link);
-    cells[8].append(instant(job.created_at));
-    return { element: h("tr", {}, h("td", {}, box), cells), box, link, cells, job: null };
-  }
-
-  fill(row, job) {
-    const { cells, link } = row;
-    row.job = job;
-    put(cells[0], job.status, () => [badge(job.status), progress(job)]);
-    put(cells[1], job.trust ?? "", () => (job.trust ? [trustBadge(job.trust)] : []));
-    link.textContent = job.name || `unnamed, ${job.model}`;
-    link.title = job.id;
-    const recordings = job.datasets.map(({ id, name }) => name ?? id).join(", ");
-    text(cells[3], recordings);
-    text(cells[4], job.model);
-    text(cells[5], words(job.method ?? ""));
-    text(
-      cells[6],
-      Object.entries(job.labels)
-        .filter(([name]) => name !== FOLLOWS)
-        .map(([name, value]) => `${name}: ${value}`)
-        .join(", "),
-    );
-    const took = seconds(job, Date.now());
-    text(cells[7], took === null ? "–" : duration(took));
-    if (job.status === "running") {
-      cells[0].lastChild.textContent = progress(job);
-    }
+    const cells = this.columns.map(({ numeric }) => h("td", { class: numeric ? "number" : null }));
+    return { element: h("tr", {}, h("td", {}, box), cells), box, cells, job: null };
   }
 
   forget(id) {
@@ -176,17 +223,39 @@ export class JobRows {
   }
 }
 
+/**
+ * Writes what a column says of a job into a cell.
+ *
+ * @param {HTMLElement} cell
+ * @param {import("./columns.js").Column} column
+ * @param {any} job
+ */
+function fill(cell, { key, text }, job) {
+  if (key === "status") {
+    put(cell, job.status + progress(job), () => [badge(job.status), progress(job)]);
+  } else if (key === "trust") {
+    put(cell, job.trust ?? "", () => (job.trust ? [trustBadge(job.trust)] : []));
+  } else if (key === "name") {
+    put(cell, titleOf(job), () => [lines(h("a", { href: `#/jobs/${job.id}`, title: job.id }, titleOf(job)))]);
+  } else if (key in STAMPS) {
+    const stamp = job[STAMPS[key]];
+    put(cell, stamp ?? "", () => [stamp ? instant(stamp) : "–"]);
+  } else {
+    const words = text(job, Date.now());
+    put(cell, words, () => [lines(words)]);
+    cell.title = words;
+  }
+}
+
+// A text has two lines at the most.
+function lines(content) {
+  return h("span", { class: "lines" }, content);
+}
+
 function put(cell, key, make) {
   if (cell.dataset.shown !== key) {
     cell.dataset.shown = key;
     cell.replaceChildren(...make());
-  }
-}
-
-function text(cell, words) {
-  if (cell.textContent !== words) {
-    cell.textContent = words;
-    cell.title = words;
   }
 }
 

@@ -2,6 +2,7 @@
 // This module simulates a model under a recording, and plots the outputs, measured and simulated over
 // each other.
 
+import { PlotGroup } from "../plot/group.js";
 import { nearest } from "../plot/math.js";
 import { plot } from "../plot/plot.js";
 import { get, query, send } from "../shell/api.js";
@@ -60,7 +61,9 @@ export class ComparedPlots {
   constructor(signal) {
     this.signal = signal;
     this.plots = new Map();
-    this.element = h("div", {});
+    // The outputs have the same cursor, and begin at the same place.
+    this.group = new PlotGroup({ full: null, signal });
+    this.element = h("div", { class: "multiples broad" });
   }
 
   clear() {
@@ -68,6 +71,7 @@ export class ComparedPlots {
       chart.destroy();
     }
     this.plots.clear();
+    this.group = new PlotGroup({ full: null, signal: this.signal });
     this.element.replaceChildren();
   }
 
@@ -78,7 +82,8 @@ export class ComparedPlots {
         const measured = columns.length > 1;
         drawn = plot({
           title: `${words(name)}, ${measured ? "measured and " : ""}simulated`,
-          height: 200,
+          height: 240,
+          group: this.group,
           signal: this.signal,
           x: { label: "time", unit: "s" },
           y: { label: words(name), unit },

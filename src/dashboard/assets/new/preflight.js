@@ -132,12 +132,22 @@ function outlook({ identifiability, findings, predicted_cost: cost, budget }) {
         ),
       ),
     facts([
-      ["Unknowns", count(cost.unknowns)],
+      ["Unknowns", unknownsText(cost.unknowns, identifiability?.predictions ?? [])],
       ["Measured samples", count(cost.residuals)],
       ["Candidates at the most", count(cost.evaluations)],
       ["Derivatives of one", count(cost.derivatives_per_evaluation)],
     ]),
   ].filter(Boolean);
+}
+
+// The form has a row for each parameter and none for an initial state, so the states are told apart.
+/**
+ * @param {number} unknowns
+ * @param {import("page/api").Schemas["Prediction"][]} predictions
+ */
+export function unknownsText(unknowns, predictions) {
+  const states = predictions.filter(({ experiment }) => Number.isFinite(experiment)).length;
+  return states > 0 ? `${count(unknowns)}, of them initial states ${count(states)}` : count(unknowns);
 }
 
 function largest({ assumption, contributions }) {

@@ -171,7 +171,7 @@ class ExperimentPart {
         view,
         dataset: this.recording,
         names: names.splice(0, PLOTS_AT_ONCE),
-        height: 120,
+        height: 200,
         onBrush,
         failed: (error) => this.outcome.fail(error),
       });

@@ -161,7 +161,7 @@ export class PartPlots {
       const signal = this.stream.signals.find((entry) => entry.name === name);
       const chart = plot({
         title: words(name),
-        height: 190,
+        height: 220,
         x: { label: "time", clock: true },
         y: { label: words(name), unit: signal.unit },
         group: this.group,

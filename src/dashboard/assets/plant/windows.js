@@ -51,7 +51,7 @@ export class TrendPlots {
     if (!this.charts.has(name)) {
       const chart = plot({
         title: words(name),
-        height: 200,
+        height: 240,
         x: { label: "time", clock: true },
         y: { label: words(name), unit },
         group: this.group,

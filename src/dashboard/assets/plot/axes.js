@@ -130,3 +130,24 @@ export function logarithmicRange(_, low, high) {
   const factor = Math.max(1.1, (high / low) ** 0.05);
   return [low / factor, high * factor];
 }
+
+// Plots below each other begin at the same place: each upright axis is as wide as the widest of them needs.
+// `changed` is called when the axes that are drawn already have to be drawn anew.
+export class AxisWidths {
+  constructor(changed) {
+    this.changed = changed;
+    this.needs = new Map();
+    this.widest = 0;
+  }
+
+  // Takes the width that the axis of a plot needs, and gives the width that it gets.
+  widthOf(plot, need) {
+    this.needs.set(plot, need);
+    const widest = Math.max(...this.needs.values());
+    if (widest !== this.widest) {
+      this.widest = widest;
+      this.changed();
+    }
+    return widest;
+  }
+}

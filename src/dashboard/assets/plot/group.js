@@ -3,6 +3,7 @@
 // of the part are read from the server whenever the part changes, so that every zoom shows all samples.
 
 import { h } from "../shell/dom.js";
+import { AxisWidths } from "./axes.js";
 import { onUnits, preferClock, showsClock } from "./units.js";
 
 const WAIT_MS = 90;
@@ -38,6 +39,7 @@ export class PlotGroup {
     this.moved = moved;
     this.plots = new Set();
     this.takers = new Map();
+    this.axes = new AxisWidths(() => requestAnimationFrame(() => this.align()));
     this.part = null;
     this.elapsed = null;
     const button = (text, label, act) =>
@@ -70,6 +72,13 @@ export class PlotGroup {
       box.checked = showsClock();
     }, this.signal);
     return h("label", { class: "inline" }, box, "time of day");
+  }
+
+  // Draws the plots with axes of the same width.
+  align() {
+    for (const { chart } of this.plots) {
+      chart?.redraw(false, true);
+    }
   }
 
   add(plot) {

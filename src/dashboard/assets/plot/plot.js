@@ -9,7 +9,8 @@
 // arrow keys read the values. Dragging across, or + at the cursor, shows a part; a double click or
 // Escape shows all. Plots of the same `group` (see group.js) share cursor and part. An x with `clock` is
 // an instant in seconds since 1970. `whiskers` name the columns of the ends of intervals; a series with
-// `bare` is read and not drawn.
+// `bare` is read and not drawn; the `legend` of a series stands for its name in the legend, where null leaves
+// it out.
 
 import uPlot from "/assets/vendor/uplot-1.6.32.min.js";
 import { h, svg } from "../shell/dom.js";
@@ -121,8 +122,11 @@ class Plot {
   }
 
   legend() {
-    const drawn = this.series.filter(({ bare }) => !bare);
-    const lines = drawn.length > 1 ? drawn.map(({ name, look }) => h("span", {}, swatch(look), name)) : [];
+    const drawn = this.series.filter(({ bare, legend }) => !bare && legend !== null);
+    const lines =
+      drawn.length > 1
+        ? drawn.map(({ name, look, legend }) => h("span", {}, swatch(look), legend ?? name))
+        : [];
     const kinds = [...new Set(this.spans.map(({ kind }) => kind))];
     const spans = kinds.map((kind) =>
       h("span", {}, h("i", { class: `swatch ${kind}` }), SPAN_WORDS[kind] ?? kind),
@@ -269,8 +273,7 @@ class Plot {
           ...axis,
           ...(this.y.log ? { splits: logarithmicSplits, filter: (_, splits) => splits } : {}),
           space: Math.max(18, Math.min(34, this.height / 8)),
-          size: (_, texts) =>
-            14 + CHARACTER * Math.max(2, ...(texts ?? []).map((text) => (text ?? "").length)),
+          size: (_, texts) => this.axisWidth(texts),
           values: (_, splits) =>
             splits.map((value) => (value === null ? "" : number(value, this.y.log ? 2 : 6))),
         },
@@ -290,7 +293,7 @@ class Plot {
               : undefined,
           points: dots
             ? { show: true, size: 7, width: 1, stroke: () => colour(look), fill: () => colour(look) }
-            : bars || bare
+            : bars || bare || look === "faint"
               ? { show: false }
               : { show: (chart, _series, first, last) => last - first < chart.width / 12, size: 5 },
         })),
@@ -313,6 +316,12 @@ class Plot {
         setCursor: [(chart) => this.moved(chart)],
       },
     };
+  }
+
+  // The axis up the side has room for its longest text; before the plot has values, it has no texts.
+  axisWidth(texts) {
+    const need = 14 + CHARACTER * Math.max(2, ...(texts ?? []).map((text) => (text ?? "").length));
+    return texts && this.group ? this.group.axes.widthOf(this, need) : need;
   }
 
   // The axis along the bottom: of the clock of the reader or of the recording, or of the numbers.

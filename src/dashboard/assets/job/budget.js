@@ -1,0 +1,267 @@
+// @ts-check
+// The uncertainty budget says where the uncertainty of each estimate comes from: a bar for each parameter,
+// whose parts are the shares of the noise and of each assumption, with the table of all assumptions behind.
+
+import { keyOf } from "../compare/differences.js";
+import { h } from "../shell/dom.js";
+import { number, quantity, words } from "../shell/format.js";
+import { heatTable } from "./heat.js";
+import { readable } from "./reading.js";
+
+/** @typedef {import("page/api").Schemas["BudgetLine"]} BudgetLine */
+/** @typedef {{ source: string, look: string, share: number, detail: string }} Share */
+
+// So many assumptions have a colour; the others are listed by name in one part.
+const MOST_NAMED = 10;
+const LEAST_NAMED = 0.01;
+const LEAST_DRAWN = 0.001;
+// A part that is narrower shows no text.
+const LEAST_WRITTEN = 0.07;
+const SCORE_LIMIT = 4;
+
+/** @param {{ budget: BudgetLine[], parameters: any[] }} result */
+export function budgetPart(result) {
+  const { bars, sources } = budgetBars(result);
+  return h(
+    "div",
+    {},
+    bars.length > 0 && picture(bars, sources),
+    h(
+      "p",
+      { class: "quiet" },
+      "The parts of each bar are shares of the square of the total standard error, and sum to 100 %.",
+      bars.some(({ parts }) => parts.some(({ share }) => share < 0))
+        ? " Parts left of the upright line are below zero: such an assumption makes up for another."
+        : "",
+    ),
+    h("details", {}, h("summary", {}, "Budget as a table"), budgetTable(result)),
+  );
+}
+
+/**
+ * The bars of the budget: for each parameter the shares of the noise, of the assumptions with the largest
+ * shares, of the remaining assumptions together, and of what the total covers beside the budget. The
+ * shares of a bar sum to 1.
+ *
+ * @param {{ budget: BudgetLine[], parameters: any[] }} result
+ */
+export function budgetBars({ budget, parameters }) {
+  const total = parameters.filter((parameter) => remainderOf(parameter, budget));
+  const keys = total.map(keyOf);
+  const shareOf = ({ contributions }, key) => contributions[key]?.share ?? 0;
+  const largest = (line) => Math.max(0, ...keys.map((key) => Math.abs(shareOf(line, key))));
+  const lines = [...budget].sort((a, b) => largest(b) - largest(a));
+  const named = lines.filter((line) => largest(line) >= LEAST_NAMED).slice(0, MOST_NAMED);
+  const bars = total.map((parameter) => {
+    const key = keyOf(parameter);
+    const { noise, beside } = remainderOf(parameter, budget);
+    // A share that is too small to be seen is listed with the remaining assumptions.
+    const drawn = named.filter((line) => Math.abs(shareOf(line, key)) >= LEAST_DRAWN);
+    const rest = lines.filter((line) => !drawn.includes(line));
+    const error = (value) => `± ${quantity(number(value, 2), parameter.unit)}`;
+    /** @type {Share[]} */
+    const parts = [
+      { source: "noise", look: "noise", share: noise, detail: `${error(parameter.standard_error)} alone` },
+      ...drawn.map((line) => ({
+        source: words(line.assumption),
+        look: `source-${named.indexOf(line)}`,
+        share: shareOf(line, key),
+        detail: `${error(line.contributions[key].standard_error)} alone; five times better known, ${error(line.contributions[key].total_if_better)} in all`,
+      })),
+      {
+        source: "remaining assumptions",
+        look: "rest",
+        share: rest.reduce((sum, line) => sum + shareOf(line, key), 0),
+        detail: rest
+          .filter((line) => shareOf(line, key) !== 0)
+          .map((line) => `${words(line.assumption)} ${shareText(shareOf(line, key))}`)
+          .join(", "),
+      },
+      {
+        source: "beside the budget",
+        look: "beside",
+        share: beside,
+        detail: "other noise models, windows or changes, and assumptions that cannot be simulated",
+      },
+    ];
+    return {
+      key,
+      label: words(key),
+      total: error(parameter.total_standard_error),
+      parts: parts.filter(({ share }) => share !== 0),
+    };
+  });
+  const shown = new Map(bars.flatMap(({ parts }) => parts.map(({ source, look }) => [look, source])));
+  const looks = ["noise", ...named.map((_, k) => `source-${k}`), "rest", "beside"];
+  const sources = looks.filter((look) => shown.has(look)).map((look) => ({ look, source: shown.get(look) }));
+  return { bars, sources };
+}
+
+/**
+ * Places the parts of a bar beside each other: shares above zero to the right of zero, those below to the
+ * left.
+ *
+ * @param {{ share: number }[]} parts
+ */
+export function placedParts(parts) {
+  let [low, high] = [0, 0];
+  return parts.map(({ share }) => {
+    if (share < 0) {
+      low += share;
+      return { from: low, to: low - share };
+    }
+    high += share;
+    return { from: high - share, to: high };
+  });
+}
+
+export function shareText(share) {
+  const value = 100 * share;
+  return `${Math.abs(value) < 0.1 ? number(value, 1) : number(value, Math.abs(value) < 10 ? 2 : 3)} %`;
+}
+
+function picture(bars, sources) {
+  const readout = h("output", { class: "readout" });
+  const cells = bars.map(({ label, parts }) => {
+    const placed = placedParts(parts);
+    // A bar fills its width; shares below zero move its zero to the right.
+    const ends = placed.flatMap(({ from, to }) => [from, to]);
+    const [low, high] = [Math.min(...ends), Math.max(...ends)];
+    return parts.map(({ source, look, share, detail }, k) => {
+      const { from, to } = placed[k];
+      const text = `${label}: ${source} ${shareText(share)}${detail ? ` (${detail})` : ""}`;
+      const isWide = (to - from) / (high - low) >= LEAST_WRITTEN;
+      const cell = h(
+        "span",
+        { role: "img", "aria-label": text, class: `share ${look}` },
+        isWide && h("span", {}, `${number(100 * share, 2)} %`),
+      );
+      cell.classList.toggle("first-above", low < 0 && from === 0);
+      cell.style.left = `${(100 * (from - low)) / (high - low)}%`;
+      cell.style.width = `${(100 * (to - from)) / (high - low)}%`;
+      return cell;
+    });
+  });
+  readable(cells, readout);
+  return h(
+    "figure",
+    { class: "picture" },
+    h(
+      "figcaption",
+      { class: "legend" },
+      sources.map(({ look, source }) => h("span", {}, h("i", { class: `swatch share-of ${look}` }), source)),
+    ),
+    h(
+      "div",
+      { class: "stacks", role: "group", "aria-label": "Shares of the uncertainty, by parameter" },
+      bars.map(({ label, total }, row) =>
+        h(
+          "div",
+          { class: "stack-row" },
+          h("span", { class: "stack-name" }, label),
+          h("span", { class: "stack" }, cells[row]),
+          h("span", { class: "stack-total" }, total),
+        ),
+      ),
+    ),
+    readout,
+  );
+}
+
+// The table has, for each assumption, its share of the variance of each parameter and how hard the
+// residuals pull at it.
+/** @param {{ budget?: BudgetLine[], parameters?: any[] }} result */
+export function budgetTable({ budget, parameters }) {
+  const keys = parameters.map(keyOf).filter((key) => budget.some(({ contributions }) => contributions[key]));
+  const largest = ({ contributions }) =>
+    Math.max(0, ...Object.values(contributions).map(({ share }) => Math.abs(share)));
+  const lines = [...budget].sort((a, b) => largest(b) - largest(a));
+  const columns = ["Value", "Residuals pull", "Would explain them", ...keys.map(words)];
+  const cells = lines.map((line) => {
+    const { value, tolerance, unit, score, suggested, by_default } = line;
+    return [
+      {
+        text: `${number(value, 4)} ± ${number(tolerance, 2)} ${unit === "1" ? "" : unit}`,
+        title: by_default ? "nobody declared the tolerance" : null,
+      },
+      pullOf(score),
+      { text: suggested ? `${number(suggested.value, 4)} ± ${number(suggested.standard_error, 2)}` : "–" },
+      ...keys.map((key) => {
+        const contribution = line.contributions[key];
+        return contribution && Math.abs(contribution.share) >= 0.005
+          ? {
+              text: `${number(100 * contribution.share, 2)} %`,
+              value: contribution.share,
+              title: `± ${number(contribution.standard_error, 2)}; five times better known: ± ${number(contribution.total_if_better, 2)} in all`,
+            }
+          : { text: "" };
+      }),
+    ];
+  });
+  // Each column sums to 100 %: with the noise, and with what the total covers beside the budget.
+  const remainders = keys.map((key) =>
+    remainderOf(
+      parameters.find((parameter) => keyOf(parameter) === key),
+      budget,
+    ),
+  );
+  const row = (part, title) => [
+    ...Array.from({ length: 3 }, () => ({ text: "" })),
+    ...remainders.map((remainder) => ({
+      text: remainder ? `${number(100 * remainder[part], 2)} %` : "–",
+      title,
+    })),
+  ];
+  const names = lines.map(({ assumption }) => words(assumption));
+  names.push("noise alone");
+  cells.push(row("noise", "what noise alone leaves unknown"));
+  if (remainders.some((remainder) => remainder?.beside > 0.005)) {
+    names.push("what else the total covers");
+    cells.push(
+      row(
+        "beside",
+        "assumptions that cannot be simulated beside the estimate, other noise models, windows or changes",
+      ),
+    );
+  }
+  return h(
+    "div",
+    {},
+    heatTable("Uncertainty budget", names, columns, (i, k) => cells[i][k], { corner: "Taken as known" }),
+    h(
+      "p",
+      { class: "quiet" },
+      `Each parameter's column: which share of what is not known of it comes from which assumption. Beyond ± ${SCORE_LIMIT} σ the residuals contradict the value.`,
+      budget.some((line) => line.by_default)
+        ? " A model document takes some of them as exact: their tolerances are defaults, and `tolerances` of the job says otherwise."
+        : "",
+    ),
+  );
+}
+
+function pullOf(score) {
+  if (score === null || score === undefined) {
+    return { text: "–", title: "the residuals cannot tell it from the unknowns" };
+  }
+  const isContradicted = Math.abs(score) > SCORE_LIMIT;
+  return {
+    text: `${number(score, 2)} σ`,
+    value: isContradicted ? -1 : 0,
+    title: isContradicted ? "the residuals contradict it" : null,
+  };
+}
+
+// The shares of the total's square that no assumption has: that of noise alone, and that of what the total
+// covers beside the budget; null where the total is not known.
+/** @param {any} parameter @param {BudgetLine[]} budget */
+export function remainderOf(parameter, budget) {
+  const { standard_error: error, total_standard_error: total } = parameter;
+  if (!(error >= 0) || !(total > 0)) {
+    return null;
+  }
+  const noise = (error / total) ** 2;
+  const assumed = budget
+    .map(({ contributions }) => contributions[keyOf(parameter)]?.share ?? 0)
+    .reduce((sum, share) => sum + share, 0);
+  return { noise, beside: Math.max(0, 1 - noise - assumed) };
+}

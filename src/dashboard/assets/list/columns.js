@@ -1,0 +1,151 @@
+// @ts-check
+// This module has the columns that the list of jobs can show, what stands in them, and how wide they are.
+// Its functions are pure.
+
+import { count, duration, number, words } from "../shell/format.js";
+import { FOLLOWS } from "../shell/prepared.js";
+import { seconds } from "./filter.js";
+
+// A column whose key begins with this shows the label that the rest of the key names.
+const LABEL = "label:";
+
+/**
+ * `text` gives what stands in the cell of a job, `widest` a text that is as wide as any, where the text of a
+ * job does not tell. A phone shows the `narrow` columns alone. A `numeric` column has its texts at the right.
+ *
+ * @typedef {{
+ *   key: string,
+ *   title: string,
+ *   text?: (job: any, now: number) => string,
+ *   widest?: string,
+ *   narrow?: boolean,
+ *   numeric?: boolean,
+ *   fixed?: boolean,
+ * }} Column
+ */
+
+/** @type {Column[]} */
+export const COLUMNS = [
+  { key: "status", title: "Status", widest: "running 100 %", narrow: true },
+  { key: "trust", title: "Trust", widest: "moderate_", narrow: true },
+  { key: "name", title: "Job", text: titleOf, narrow: true, fixed: true },
+  { key: "dataset", title: "Recording", text: ({ datasets }) => recordingsOf(datasets) },
+  { key: "model", title: "Model", text: ({ model }) => model },
+  { key: "method", title: "Method", text: ({ method }) => words(method ?? "") },
+  { key: "labels", title: "Labels", text: ({ labels }) => labelsText(labels) },
+  { key: "duration", title: "Duration", text: durationOf, numeric: true },
+  {
+    key: "generations",
+    title: "Generations",
+    text: ({ progress }) => count(progress?.generation),
+    numeric: true,
+  },
+  {
+    key: "evaluations",
+    title: "Evaluations",
+    text: ({ progress }) => count(progress?.evaluations),
+    numeric: true,
+  },
+  { key: "cost", title: "Best cost", text: ({ progress }) => number(progress?.best_cost, 4), numeric: true },
+  { key: "created", title: "Created", widest: "Sept 30, 2026, 10:00 PM" },
+  { key: "started", title: "Started", widest: "Sept 30, 2026, 10:00 PM" },
+  { key: "finished", title: "Finished", widest: "Sept 30, 2026, 10:00 PM" },
+];
+
+export const USUAL = [
+  "status",
+  "trust",
+  "name",
+  "dataset",
+  "model",
+  "method",
+  "labels",
+  "duration",
+  "created",
+];
+
+export function titleOf(job) {
+  return job.name || `unnamed, ${job.model}`;
+}
+
+function recordingsOf(datasets) {
+  return datasets.map(({ id, name }) => name ?? id).join(", ");
+}
+
+function labelsText(labels) {
+  return Object.entries(labels)
+    .filter(([name]) => name !== FOLLOWS)
+    .map(([name, value]) => `${name}: ${value}`)
+    .join(", ");
+}
+
+function durationOf(job, now) {
+  const took = seconds(job, now);
+  return took === null ? "–" : duration(took);
+}
+
+// Lists the columns that can be chosen: those of every job, and one for each label.
+/** @param {Iterable<string>} labels @returns {Column[]} */
+export function columnsOffered(labels) {
+  const named = [...labels].filter((name) => name !== FOLLOWS).sort();
+  return [
+    ...COLUMNS,
+    ...named.map((name) => ({
+      key: `${LABEL}${name}`,
+      title: name,
+      text: (/** @type {any} */ job) => job.labels[name] ?? "",
+    })),
+  ];
+}
+
+// The columns with the keys, in the order in which they are offered; the name of a job is always there.
+/** @param {string[]} keys @returns {Column[]} */
+export function columnsShown(keys) {
+  const labels = keys.filter((key) => key.startsWith(LABEL)).map((key) => key.slice(LABEL.length));
+  return columnsOffered(labels).filter(({ key, fixed }) => fixed || keys.includes(key));
+}
+
+// On a phone characters and paddings are smaller.
+const SIZES = { wide: { character: 7.1, padding: 22 }, tight: { character: 6.7, padding: 10 } };
+// A text that is longer is written in two lines, with room for words that do not part.
+const MOST_IN_A_LINE = 46;
+const UNPARTED = 12;
+const MOST_WANTED = 76;
+const SORT_MARK = 2;
+const MEASURED = 1000;
+
+/**
+ * How wide a column has to be for its title, and would be for the longest text of the jobs.
+ *
+ * @param {Column} column
+ * @param {any[]} jobs
+ * @param {number} now
+ */
+export function widthNeeded({ title, text, widest = "", key }, jobs, now, isTight = false) {
+  const { character, padding } = isTight ? SIZES.tight : SIZES.wide;
+  const longest = text
+    ? jobs.slice(0, MEASURED).reduce((most, job) => Math.max(most, text(job, now).length), 0)
+    : widest.length;
+  const inLines =
+    longest > MOST_IN_A_LINE ? Math.max(MOST_IN_A_LINE, Math.ceil(longest / 2) + UNPARTED) : longest;
+  const least = Math.max(title.length + (isTight ? 0 : SORT_MARK), widest.length, key === "name" ? 16 : 0);
+  const wanted = Math.max(least, Math.min(inLines, MOST_WANTED));
+  return { least: padding + character * least, wanted: padding + character * wanted };
+}
+
+/**
+ * Shares the room out among columns: each gets what it wants where the room suffices, with the spare room in
+ * proportion. Where it does not, the columns give way down to the least that they need.
+ *
+ * @param {{ least: number, wanted: number }[]} needs
+ * @param {number} room
+ */
+export function widthsIn(needs, room) {
+  const wanted = needs.reduce((sum, need) => sum + need.wanted, 0);
+  if (wanted <= room) {
+    return needs.map((need) => (need.wanted * room) / wanted);
+  }
+  const least = needs.reduce((sum, need) => sum + need.least, 0);
+  const share = Math.max(0, (room - least) / (wanted - least));
+  return needs.map((need) => need.least + share * (need.wanted - need.least));
+}
