@@ -10,6 +10,7 @@ mod project;
 mod role;
 mod scope;
 mod secret;
+mod stream_names;
 
 use std::time::Duration;
 
@@ -17,6 +18,7 @@ pub use project::{InvalidProject, Project};
 pub use role::{InvalidRole, Role, Roles};
 pub use scope::{InvalidScope, Scope};
 pub use secret::{Digest, Secret, random_bytes};
+pub use stream_names::{InvalidStreamNames, StreamNames, is_stream_name};
 
 /// For how long a server believes what it read of a token. Whoever revokes a token waits for as long
 /// before the token is said to be revoked.

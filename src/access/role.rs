@@ -41,9 +41,15 @@ impl FromStr for Role {
         if group.is_empty() || group.contains(',') {
             return Err(invalid("it names no single group".to_owned()));
         }
+        let scope = scope.parse().map_err(|why| invalid(format!("{why}")))?;
+        if scope == Scope::Append {
+            return Err(invalid(
+                "the scope append is for tokens, which name streams".to_owned(),
+            ));
+        }
         Ok(Self {
             group: group.to_owned(),
-            scope: scope.parse().map_err(|why| invalid(format!("{why}")))?,
+            scope,
             project: project.map_err(|why| invalid(why.to_string()))?,
         })
     }
@@ -88,7 +94,9 @@ mod tests {
         );
         assert_eq!(roles.of("plant"), None);
         assert_eq!(roles.of(""), None);
-        for text in ["admin", "=read", "a=write", "a=read:B", "a,b=read"] {
+        for text in [
+            "admin", "=read", "a=write", "a=read:B", "a,b=read", "a=append",
+        ] {
             assert!(text.parse::<Role>().is_err(), "{text}");
         }
     }

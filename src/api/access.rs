@@ -300,6 +300,7 @@ impl Callers {
             who: format!("person {user}"),
             project: role.project.clone(),
             scope: role.scope,
+            streams: None,
             is_known: true,
             has_session: false,
         }))

@@ -16,6 +16,8 @@ use super::client::PeerAddress;
 use super::error::{Kind, Problem};
 use super::events::EVENT_STREAM;
 use super::session_cookie;
+use super::sinks::credentials;
+use super::sinks::protocol::Protocol;
 use crate::access::Scope;
 
 /// How often it is looked whether the reader of a stream may still ask.
@@ -30,6 +32,8 @@ fn needed(method: &Method, path: &str) -> Option<Scope> {
     };
     if path == "/metrics" {
         Some(Scope::Read)
+    } else if Protocol::of_path(path).is_some() || (*method == Method::POST && is_stream(path)) {
+        Some(Scope::Append)
     } else if !below("/v1") || (path == session_cookie::PATH && *method == Method::POST) {
         None
     } else if path == session_cookie::PATH {
@@ -46,6 +50,12 @@ fn needed(method: &Method, path: &str) -> Option<Scope> {
     }
 }
 
+/// Whether a path names a stream, and not a part of one.
+fn is_stream(path: &str) -> bool {
+    let name = path.strip_prefix("/v1/streams/");
+    name.is_some_and(|name| !name.is_empty() && !name.contains('/'))
+}
+
 /// Lets a request on whose caller is known and may ask it; notes who that is, for the handlers and
 /// for the log.
 pub(super) async fn authorise(
@@ -56,6 +66,7 @@ pub(super) async fn authorise(
     let Some(needed) = needed(request.method(), request.uri().path()) else {
         return next.run(request).await;
     };
+    credentials::as_bearer(&mut request);
     let peer = request.extensions().get::<PeerAddress>().copied();
     let client = callers.client(peer, request.headers()).await;
     let client = match client {
@@ -69,7 +80,7 @@ pub(super) async fn authorise(
         Ok(_) if forgeable && !session_cookie::brings_csrf_token(request.headers()) => {
             session_cookie::no_csrf_token().into_response()
         }
-        Ok(_) if client.scope < needed => {
+        Ok(_) if !client.scope.holds(needed) => {
             let detail = format!(
                 "this takes the scope `{needed}`; yours is `{}`",
                 client.scope
@@ -137,6 +148,19 @@ mod tests {
             (Method::DELETE, "/v1/jobs/x", Some(Scope::Submit)),
             (Method::OPTIONS, "/v1/anything", Some(Scope::Submit)),
             (Method::GET, "/v1/audit", Some(Scope::Admin)),
+            (Method::POST, "/write", Some(Scope::Append)),
+            (Method::POST, "/api/v2/write", Some(Scope::Append)),
+            (Method::GET, "/ping", None),
+            (Method::GET, "/health", None),
+            (Method::POST, "/v1/streams/rig-4", Some(Scope::Append)),
+            (Method::GET, "/v1/streams/rig-4", Some(Scope::Read)),
+            (Method::DELETE, "/v1/streams/rig-4", Some(Scope::Submit)),
+            (
+                Method::POST,
+                "/v1/streams/rig-4/recordings",
+                Some(Scope::Submit),
+            ),
+            (Method::PUT, "/v1/mappings/plant", Some(Scope::Submit)),
             (Method::POST, "/v1/session", None),
             (Method::GET, "/v1/session", Some(Scope::Read)),
             (Method::DELETE, "/v1/session", Some(Scope::Read)),

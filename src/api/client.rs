@@ -7,7 +7,7 @@ use axum::http::StatusCode;
 use axum::http::request::Parts;
 
 use super::error::{Answer, Kind, Problem};
-use crate::access::{Project, Scope};
+use crate::access::{Project, Scope, StreamNames};
 use crate::store::TokenRow;
 
 /// The address at the other end of a connection, which whoever takes it notes.
@@ -33,6 +33,8 @@ pub struct Client {
     pub project: Project,
     /// How much it may do there.
     pub scope: Scope,
+    /// The streams that it may append to; all where there is no list.
+    pub streams: Option<StreamNames>,
     /// Whether the caller said who it is; never where nobody has to.
     pub is_known: bool,
     /// Whether a session's cookie says so, which a browser sends with every request.
@@ -48,6 +50,7 @@ impl Client {
             who: "local".to_owned(),
             project: Project::default(),
             scope: Scope::Admin,
+            streams: None,
             is_known: false,
             has_session: false,
         }
@@ -60,6 +63,7 @@ impl Client {
             who: format!("token {}", token.name),
             project: token.project,
             scope: token.scope,
+            streams: token.streams,
             is_known: true,
             has_session: false,
         }
@@ -70,6 +74,17 @@ impl Client {
         let project = &self.project;
         let detail = format!("this belongs to another project than `{project}`, which you ask for");
         Problem::new(Kind::Forbidden, detail)
+    }
+
+    /// Refuses to append to a stream that the caller's token does not name.
+    pub(super) fn check_append(&self, stream: &str) -> Answer<()> {
+        match &self.streams {
+            Some(streams) if !streams.contain(stream) => {
+                let detail = format!("your token appends to {streams} and not to `{stream}`");
+                Err(Problem::new(Kind::Forbidden, detail))
+            }
+            _ => Ok(()),
+        }
     }
 
     /// Who asks a request. Nothing is answered to one that came past the layer which says so.

@@ -69,7 +69,7 @@ pub enum Kind {
 }
 
 impl Kind {
-    fn status(self) -> StatusCode {
+    pub(super) fn status(self) -> StatusCode {
         match self {
             Kind::Malformed => StatusCode::BAD_REQUEST,
             Kind::NotFound => StatusCode::NOT_FOUND,
@@ -121,6 +121,12 @@ impl Kind {
             Kind::Internal => "/problems/internal",
             Kind::Other(_) => "about:blank",
         }
+    }
+
+    /// Counts a refusal of this kind.
+    fn count(self) {
+        let reason = self.uri().trim_start_matches("/problems/");
+        metrics::counter!("greybox_rejected_total", "reason" => reason).increment(1);
     }
 
     fn title(self) -> &'static str {
@@ -308,11 +314,16 @@ impl Problem {
         Self::new(kind, detail)
     }
 
+    /// The kind, the sentence and the headers, for an answer in another form; the refusal is counted.
+    pub(super) fn into_parts(self) -> (Kind, String, Vec<(HeaderName, HeaderValue)>) {
+        self.kind.count();
+        (self.kind, self.detail, self.headers)
+    }
+
     /// The document, as the answer to the request to `instance`.
     pub fn document(self, instance: &str, request_id: &str) -> Response {
         let status = self.kind.status();
-        let reason = self.kind.uri().trim_start_matches("/problems/");
-        metrics::counter!("greybox_rejected_total", "reason" => reason).increment(1);
+        self.kind.count();
         let document = ProblemDocument {
             kind: self.kind.uri(),
             title: self.kind.title(),

@@ -83,14 +83,19 @@ pub async fn livez() -> Response {
               (status = 503, description = "Not ready; `detail` says why"))
 )]
 pub async fn readyz(State(state): State<ApiState>) -> Answer {
+    Ok(json(StatusCode::OK, &ready(&state).await?))
+}
+
+/// That the server is ready to work, or why it is not.
+pub(super) async fn ready(state: &ApiState) -> Answer<Health> {
     let begun = Instant::now();
     let answers = tokio::time::timeout(LONGEST_PROBE, state.store.ping()).await;
-    if let Some(why) = why_not(&state, answers, "the database does not answer") {
+    if let Some(why) = why_not(state, answers, "the database does not answer") {
         return Err(not_ready(why));
     }
     let left = LONGEST_PROBE.saturating_sub(begun.elapsed());
     let writes = tokio::time::timeout(left, state.store.probe()).await;
-    if let Some(why) = why_not(&state, writes, "the database cannot be written") {
+    if let Some(why) = why_not(state, writes, "the database cannot be written") {
         return Err(not_ready(why));
     }
     if !(state.workers_run)() {
@@ -105,11 +110,10 @@ pub async fn readyz(State(state): State<ApiState>) -> Answer {
             "the database is damaged: stop the server and restore a backup",
         ));
     }
-    let ready = Health {
+    Ok(Health {
         damaged_rows: damage.rows,
         ..Health::of("ready")
-    };
-    Ok(json(StatusCode::OK, &ready))
+    })
 }
 
 fn not_ready(detail: &str) -> Problem {

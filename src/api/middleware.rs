@@ -21,6 +21,7 @@ use super::client::{Client, PeerAddress};
 use super::error::{PROBLEM_JSON, Problem};
 use super::http_headers::GZIP_TAG_END;
 use super::origin::{self, Names};
+use super::sinks::protocol::{IsWhole, Protocol};
 use super::unpacking;
 use super::unread_body::UnreadBody;
 use crate::span;
@@ -167,16 +168,20 @@ fn request_id(headers: &HeaderMap) -> String {
         .map_or_else(|| Uuid::now_v7().to_string(), str::to_owned)
 }
 
-/// An error without a problem document gets one.
+/// An error without a problem document gets one, or the form that the protocol of its path has for errors.
 fn with_problem(mut response: Response, path: &str, id: &str) -> Response {
     let status = response.status();
     let is_error = status.is_client_error() || status.is_server_error();
-    if !is_error || is_problem(response.headers()) {
+    let is_whole = response.extensions().get::<IsWhole>().is_some();
+    if !is_error || is_whole || is_problem(response.headers()) {
         return response;
     }
     let problem = response.extensions_mut().remove::<Problem>();
     let problem = problem.unwrap_or_else(|| Problem::of_status(status));
-    let mut document = problem.document(path, id);
+    let mut document = match Protocol::of_path(path) {
+        Some(protocol) => protocol.refusal(problem),
+        None => problem.document(path, id),
+    };
     for name in [header::ALLOW, header::ACCEPT_ENCODING] {
         if let Some(value) = response.headers_mut().remove(&name) {
             document.headers_mut().insert(name, value);

@@ -1,6 +1,7 @@
 //! The record of the contract: OpenAPI 3.1, generated from the handlers.
 
 mod names;
+mod refusals;
 
 use std::collections::BTreeMap;
 
@@ -17,6 +18,8 @@ use utoipa::openapi::{
 };
 
 use super::error::{PROBLEM_JSON, ProblemDocument};
+use super::sinks::protocol::Protocol;
+use super::sinks::{Influx1Error, Influx2Error};
 use crate::job::Event;
 use greybox::intake::units;
 
@@ -25,6 +28,8 @@ pub(super) fn completed(mut openapi: OpenApi) -> Value {
     let mut unnamed = Vec::new();
     name_schema::<ProblemDocument>(&mut unnamed);
     name_schema::<Event>(&mut unnamed);
+    name_schema::<Influx1Error>(&mut unnamed);
+    name_schema::<Influx2Error>(&mut unnamed);
     let components = openapi.components.get_or_insert_default();
     components.schemas.extend(unnamed);
     link_created(&mut openapi);
@@ -35,7 +40,10 @@ pub(super) fn completed(mut openapi: OpenApi) -> Value {
             if let Some(RefOr::T(body)) = &mut operation.request_body {
                 body.required = Some(Required::True);
             }
-            describe_problems(path, operation);
+            match Protocol::of_path(path) {
+                Some(protocol) => refusals::describe(protocol, operation),
+                None => describe_problems(path, operation),
+            }
         }
     }
     let mut description = serde_json::to_value(openapi).expect("a description has only text keys");
@@ -96,6 +104,10 @@ pub(super) fn preamble() -> OpenApi {
     let tags = [
         ("datasets", "Recordings of a plant."),
         ("streams", "Recordings that grow."),
+        (
+            "agents",
+            "What collecting agents write as to InfluxDB, and where it goes.",
+        ),
         ("monitors", "Streams that are watched, window by window."),
         ("models", "The structures that can be identified."),
         ("jobs", "Estimations, from submission to result."),
@@ -111,9 +123,14 @@ pub(super) fn preamble() -> OpenApi {
 }
 
 fn operations(item: &mut PathItem) -> impl Iterator<Item = &mut Operation> {
-    [&mut item.get, &mut item.post, &mut item.delete]
-        .into_iter()
-        .filter_map(Option::as_mut)
+    [
+        &mut item.get,
+        &mut item.post,
+        &mut item.put,
+        &mut item.delete,
+    ]
+    .into_iter()
+    .filter_map(Option::as_mut)
 }
 
 /// Says of each resource that is made by a POST where one goes on with its identifier.
@@ -252,7 +269,8 @@ mod tests {
 
     #[test]
     fn every_error_is_described_as_a_problem_document() {
-        for (name, operation) in all() {
+        let of_problems = |(name, _): &(String, Value)| !name.ends_with("/write");
+        for (name, operation) in all().into_iter().filter(of_problems) {
             let responses = operation["responses"].as_object().unwrap().iter();
             for (status, response) in responses.filter(|(status, _)| status.as_str() >= "400") {
                 let content = response["content"].as_object().unwrap();
@@ -298,9 +316,10 @@ mod tests {
             }
         }
         assert_eq!(
-            n_bodies, 17,
+            n_bodies, 20,
             "three forms of a recording and of a batch, two of a model, a simulation, a design, \
-             a job, a comparison, a part of a stream, a monitor and its move, a webhook and a token"
+             a job, a comparison, a part of a stream, a monitor and its move, a webhook, a token, \
+             a mapping and the lines of two protocols"
         );
     }
 }

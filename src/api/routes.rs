@@ -14,8 +14,8 @@ use super::http_headers::tagged_json;
 use super::state::ApiState;
 use super::{
     audit, authorise, candidates, changes, comparisons, datasets, demonstration, designs,
-    disturbance, events, health, job_list, jobs, models, monitors, posterior, report, results,
-    session, simulations, streams, submit, trajectory, verdict_rules, webhooks,
+    disturbance, events, health, job_list, jobs, mappings, models, monitors, posterior, report,
+    results, session, simulations, sinks, streams, submit, trajectory, verdict_rules, webhooks,
 };
 
 /// Every resource of the service, with its description.
@@ -35,6 +35,12 @@ fn described() -> OpenApiRouter<ApiState> {
         .routes(routes!(streams::append, streams::show, streams::remove))
         .routes(routes!(streams::cut::cut))
         .routes(routes!(streams::removal::remove_samples))
+        .routes(routes!(mappings::list))
+        .routes(routes!(mappings::put, mappings::show, mappings::remove))
+        .routes(routes!(sinks::write_influx_1))
+        .routes(routes!(sinks::write_influx_2))
+        .routes(routes!(sinks::health::ping))
+        .routes(routes!(sinks::health::health))
         .routes(routes!(monitors::create, monitors::list))
         .routes(routes!(monitors::show, monitors::remove))
         .routes(routes!(monitors::moving::move_to))

@@ -22,7 +22,7 @@ use super::error::{Answer, Kind, Problem};
 use super::http_headers::json;
 use super::query::{NoQuery, Params};
 use super::session_cookie::{cookie, set_cookie};
-use crate::access::Secret;
+use crate::access::{Scope, Secret};
 use greybox::parsing::reader::{Field, read_document};
 
 /// How long a session lasts.
@@ -98,6 +98,11 @@ pub async fn sign_in(
     let token = token.trim().parse::<Secret>();
     let token = token.map_err(|()| refused(NO_TOKEN))?;
     let row = callers.token(&token, &address).await?;
+    if row.scope == Scope::Append {
+        let detail =
+            "a token with the scope `append` is for programs that append; it begins no session";
+        return Err(Problem::new(Kind::Forbidden, detail));
+    }
     end(&callers, &headers).await?;
     let secret = Secret::new().map_err(|error| {
         tracing::error!(%error, "the system gives no random bytes");

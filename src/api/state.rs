@@ -17,8 +17,8 @@ use super::work::Work;
 use crate::delivery::Destinations;
 use crate::event::EventHub;
 use crate::store::{
-    AuditLog, Comparisons, Damage, Datasets, Deliveries, Jobs, Monitors, Results, Store, Streams,
-    Webhooks,
+    AuditLog, Comparisons, Damage, Datasets, Deliveries, Jobs, Mappings, Monitors, Results, Store,
+    Streams, Webhooks,
 };
 use greybox::identification::JobSpec;
 use greybox::identification::assemble::{ExperimentDisturbances, ExperimentTrajectory};
@@ -168,6 +168,7 @@ parts! {
     Datasets: store.datasets(),
     Deliveries: store.deliveries(),
     Jobs: store.jobs(),
+    Mappings: store.mappings(),
     Monitors: store.monitors(),
     Results: store.results(),
     Store: store,

@@ -2,7 +2,7 @@
 
 pub mod cut;
 pub mod removal;
-mod stamps;
+pub(super) mod stamps;
 
 use std::str::FromStr;
 
@@ -24,7 +24,7 @@ use super::extract::{Named, PathName};
 use super::http_headers::{idempotency_key, json, prefers, tagged_json};
 use super::page::{Cursor, Page, PageParams};
 use super::query::{FromQuery, NoQuery, Params, QueryReader};
-use crate::access::Project;
+use crate::access::{Project, Scope, is_stream_name};
 use crate::monitor::MAX_WINDOW_SAMPLES;
 use crate::store::{
     Appended, BatchOutcome, Idempotency, Keep, MAX_STREAMS, NewBatch, Store, StoreError,
@@ -34,8 +34,6 @@ use greybox::intake::{self, Options, ReadingPurpose};
 use greybox::recording::{MAX_SIGNALS, Recording, RecordingSource, Samples};
 use stamps::{invalid, nanoseconds};
 
-/// The characters of a stream's name at the most.
-const MAX_NAME: usize = 100;
 /// The most that a stream may keep `[MiB]`.
 const MAX_KEEP_MIB: u64 = 1 << 16;
 /// Points of a plot when the client does not say, and at the most.
@@ -49,9 +47,9 @@ impl FromStr for StreamName {
     type Err = ();
 
     fn from_str(text: &str) -> Result<Self, ()> {
-        let is_plain = |byte: u8| byte.is_ascii_alphanumeric() || b"._-".contains(&byte);
-        let is_name = (1..=MAX_NAME).contains(&text.len()) && text.bytes().all(is_plain);
-        is_name.then(|| Self(text.to_owned())).ok_or(())
+        is_stream_name(text)
+            .then(|| Self(text.to_owned()))
+            .ok_or(())
     }
 }
 
@@ -170,6 +168,11 @@ pub async fn append(
         mut given,
         keep,
     } = query;
+    client.check_append(&name)?;
+    if client.scope == Scope::Append && keep != Keep::default() {
+        let detail = "what a stream keeps is not for a token with the scope `append` to say";
+        return Err(Problem::new(Kind::Forbidden, detail));
+    }
     if let Some(charset) = charset {
         options.assume_encoding(&charset);
     }

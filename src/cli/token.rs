@@ -2,7 +2,7 @@
 
 use super::error::CommandError;
 use super::serve::block_on;
-use crate::access::{Project, Scope, Secret};
+use crate::access::{Project, Scope, Secret, StreamNames};
 use crate::config::DatabaseArguments;
 use crate::store::TokenRow;
 use crate::store::tokens::{self, NewToken};
@@ -30,9 +30,13 @@ pub struct CreateArguments {
     /// What it is called, in the list and in the audit log
     #[arg(long, value_parser = name)]
     name: String,
-    /// What it allows: read, submit (read and change) or admin (all, with deliveries and audit log)
+    /// What it allows: append (to the streams that `--streams` names), read, submit (read and change) or admin
+    /// (all, with deliveries and audit log)
     #[arg(long)]
     scope: Scope,
+    /// The streams that a token with the scope append appends to: `rig-4,rig-5`
+    #[arg(long)]
+    streams: Option<StreamNames>,
     /// The project that it is for
     #[arg(long, default_value_t = Project::default())]
     project: Project,
@@ -99,6 +103,10 @@ pub fn run(command: &Command) -> Result<(), CommandError> {
 }
 
 fn create(arguments: &CreateArguments) -> Result<(), CommandError> {
+    if arguments.streams.is_some() != (arguments.scope == Scope::Append) {
+        let sentence = "the scope append needs `--streams`, and no other scope takes it";
+        return Err(CommandError::input(sentence.to_owned()));
+    }
     let database = arguments.database.place().map_err(CommandError::input)?;
     let secret = Secret::new().map_err(CommandError::failed)?;
     let expires_at = match arguments.expires {
@@ -109,6 +117,7 @@ fn create(arguments: &CreateArguments) -> Result<(), CommandError> {
         name: arguments.name.clone(),
         digest: secret.digest(),
         scope: arguments.scope,
+        streams: arguments.streams.clone(),
         project: arguments.project.clone(),
         expires_at,
     };
@@ -124,6 +133,9 @@ fn create(arguments: &CreateArguments) -> Result<(), CommandError> {
     }
     println!("{}", secret.expose());
     eprintln!("This is shown once. Programs send it as `Authorization: Bearer gbx_…`.");
+    if arguments.scope == Scope::Append {
+        eprintln!("Agents that write as to InfluxDB send it as token or as password.");
+    }
     Ok(())
 }
 
@@ -138,6 +150,7 @@ fn list(database: &DatabaseArguments) -> Result<(), CommandError> {
     table.set_header([
         "name",
         "scope",
+        "streams",
         "project",
         "made",
         "ends",
@@ -150,6 +163,9 @@ fn list(database: &DatabaseArguments) -> Result<(), CommandError> {
         table.add_row([
             row.name.clone(),
             row.scope.to_string(),
+            row.streams
+                .as_ref()
+                .map_or_else(|| "all".to_owned(), ToString::to_string),
             row.project.to_string(),
             minute(row.created_at),
             at(row.expires_at),

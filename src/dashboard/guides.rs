@@ -43,13 +43,14 @@ macro_rules! guide {
 }
 
 /// The guides stand in the order of the navigation.
-pub static GUIDES: [Guide; 10] = [
+pub static GUIDES: [Guide; 11] = [
     guide!("start", "First job"),
     guide!("import", "Recordings and units"),
     guide!("models", "Models"),
     guide!("equations", "Equations"),
     guide!("jobs", "Jobs"),
     guide!("monitors", "Monitors"),
+    guide!("agents", "Collecting agents"),
     guide!("designs", "Which experiment next"),
     guide!("verdicts", "Verdicts"),
     guide!("method", "Method"),

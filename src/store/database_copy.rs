@@ -16,7 +16,7 @@ const BYTES_TOGETHER: usize = 1 << 20;
 const ROWS_TOGETHER: usize = 100;
 
 /// What is copied; a table comes after those that its rows belong to.
-pub(super) const TABLES: [&str; 31] = [
+pub(super) const TABLES: [&str; 33] = [
     "jobs",
     "job_labels",
     "job_datasets",
@@ -39,6 +39,8 @@ pub(super) const TABLES: [&str; 31] = [
     "monitor_windows",
     "monitor_alarms",
     "monitor_events",
+    "mappings",
+    "unmapped_series",
     "tokens",
     "idempotency",
     "models",

@@ -21,6 +21,7 @@ use super::events::JobEvents;
 use super::figures::{self, Figures};
 use super::generations::Generations;
 use super::jobs::{JobRow, Jobs};
+use super::mappings::Mappings;
 use super::models::Models;
 use super::monitors::Monitors;
 use super::nodes::{self, Nodes};
@@ -109,6 +110,8 @@ handles! {
     events: JobEvents,
     /// The generations of searches.
     generations: Generations,
+    /// What collecting agents write and where it goes.
+    mappings: Mappings,
     /// Models that users wrote.
     models: Models,
     /// Monitors, their windows, alarms and events.

@@ -66,8 +66,8 @@ impl Sessions {
             return Ok(None);
         };
         let row: Option<TokenColumns> = database::query_as(
-            "select id, name, scope, project, created_at, expires_at, revoked_at, last_used_at \
-             from tokens where id = $1",
+            "select id, name, scope, streams, project, created_at, expires_at, revoked_at, \
+             last_used_at from tokens where id = $1",
         )
         .bind(token)
         .fetch_optional(&self.database.readers)

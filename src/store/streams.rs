@@ -131,7 +131,7 @@ impl Streams {
 /// Nanoseconds in a second.
 const NS: f64 = 1e9;
 
-async fn append(tx: &mut Tx, new: NewBatch) -> Result<BatchOutcome, StoreError> {
+pub(super) async fn append(tx: &mut Tx, new: NewBatch) -> Result<BatchOutcome, StoreError> {
     if let Some(idempotency) = &new.idempotency
         && let Some(earlier) = answers::earlier(tx, idempotency).await?
     {

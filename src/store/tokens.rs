@@ -5,7 +5,7 @@ use std::sync::Arc;
 use jiff::Timestamp;
 use sqlx::FromRow;
 
-use super::columns::{project, time};
+use super::columns::{from_json, json, project, time};
 use super::database::postgres::Use;
 use super::database::{self, Losses, Pool, sqlite};
 use super::opening::{Opened, PATIENCE_OF_A_COMMAND};
@@ -14,7 +14,7 @@ use super::writer::in_transaction;
 use super::{
     AuditEntry, DatabasePlace, DatabaseSettings, StoreError, audit, corrupt, schema_version,
 };
-use crate::access::{BELIEVED, Digest, Project, Scope};
+use crate::access::{BELIEVED, Digest, Project, Scope, StreamNames};
 
 /// A token to be made.
 #[derive(Clone, Debug)]
@@ -25,6 +25,8 @@ pub struct NewToken {
     pub digest: Digest,
     /// How much the token allows.
     pub scope: Scope,
+    /// The streams that a token with the scope `append` appends to; none of another.
+    pub streams: Option<StreamNames>,
     /// The project that the token gives access to.
     pub project: Project,
     /// When the token expires.
@@ -40,6 +42,8 @@ pub struct TokenRow {
     pub name: String,
     /// How much the token allows.
     pub scope: Scope,
+    /// The streams that a token with the scope `append` appends to; none of another.
+    pub streams: Option<StreamNames>,
     /// The project that the token gives access to.
     pub project: Project,
     /// When the token was made.
@@ -65,6 +69,7 @@ pub(super) struct TokenColumns {
     id: i64,
     name: String,
     scope: String,
+    streams: Option<String>,
     project: String,
     created_at: String,
     expires_at: Option<String>,
@@ -76,12 +81,21 @@ impl TokenColumns {
     pub(super) fn read(self) -> Result<TokenRow, StoreError> {
         let of = &self.name;
         let optional = |at: Option<String>| at.map(|at| time(of, &at)).transpose();
+        let scope: Scope = self
+            .scope
+            .parse()
+            .map_err(|why| corrupt("scope", of, why))?;
+        let streams = self.streams.as_deref();
+        let streams = streams.map(|names| from_json("streams", of, names));
+        let streams: Option<StreamNames> = streams.transpose()?;
+        if streams.is_some() != (scope == Scope::Append) {
+            let why = format!("the scope is `{scope}`");
+            return Err(corrupt("streams", of, why));
+        }
         Ok(TokenRow {
             id: self.id,
-            scope: self
-                .scope
-                .parse()
-                .map_err(|why| corrupt("scope", of, why))?,
+            scope,
+            streams,
             project: project(of, &self.project)?,
             created_at: time(of, &self.created_at)?,
             expires_at: optional(self.expires_at)?,
@@ -112,8 +126,8 @@ impl Tokens {
     /// The token of a secret, valid or not.
     pub async fn find(&self, digest: &Digest) -> Result<Option<TokenRow>, StoreError> {
         let row: Option<TokenColumns> = database::query_as(
-            "select id, name, scope, project, created_at, expires_at, revoked_at, last_used_at \
-             from tokens where digest = $1",
+            "select id, name, scope, streams, project, created_at, expires_at, revoked_at, \
+             last_used_at from tokens where digest = $1",
         )
         .bind(digest.as_str())
         .fetch_optional(&self.database.readers)
@@ -143,12 +157,13 @@ pub async fn create(database: &DatabasePlace, new: NewToken) -> Result<bool, Sto
     let connection = open(database).await?;
     let mut tx = connection.begin_write_in_turn().await?;
     let made = database::query(
-        "insert into tokens (name, digest, scope, project, created_at, expires_at) \
-         values ($1, $2, $3, $4, $5, $6) on conflict do nothing",
+        "insert into tokens (name, digest, scope, streams, project, created_at, expires_at) \
+         values ($1, $2, $3, $4, $5, $6, $7) on conflict do nothing",
     )
     .bind(&new.name)
     .bind(new.digest.as_str())
     .bind(new.scope.as_str())
+    .bind(new.streams.as_ref().map(json))
     .bind(new.project.as_str())
     .bind(Timestamp::now().to_string())
     .bind(new.expires_at.map(|at| at.to_string()))
@@ -158,10 +173,13 @@ pub async fn create(database: &DatabasePlace, new: NewToken) -> Result<bool, Sto
         let NewToken {
             name,
             scope,
+            streams,
             project,
             ..
         } = new;
-        let command = format!("token create --name {name} --scope {scope} --project {project}");
+        let streams = streams.map_or_else(String::new, |names| format!(" --streams {names}"));
+        let command =
+            format!("token create --name {name} --scope {scope}{streams} --project {project}");
         audit::add(&mut tx, AuditEntry::of_command(command, Some(project))).await?;
     }
     tx.commit().await?;
@@ -176,8 +194,8 @@ pub async fn create(database: &DatabasePlace, new: NewToken) -> Result<bool, Sto
 pub async fn list(database: &DatabasePlace) -> Result<Vec<TokenRow>, StoreError> {
     let connection = open(database).await?;
     let rows: Vec<TokenColumns> = database::query_as(
-        "select id, name, scope, project, created_at, expires_at, revoked_at, last_used_at \
-         from tokens order by id",
+        "select id, name, scope, streams, project, created_at, expires_at, revoked_at, \
+         last_used_at from tokens order by id",
     )
     .fetch_all(&connection)
     .await?;

@@ -159,6 +159,17 @@ impl TestApp {
         make_token(&self.home, token, expires_at).await
     }
 
+    /// Makes one more token, which appends to a stream of the project `default`, and answers its secret.
+    pub async fn append_token(&self, name: &str, stream: &str) -> String {
+        let secret = Secret::new().unwrap();
+        let new = NewToken {
+            streams: Some(stream.parse().unwrap()),
+            ..new_token(&secret, (name, Scope::Append, "default"))
+        };
+        assert!(tokens::create(&self.database(), new).await.unwrap());
+        secret.expose().to_owned()
+    }
+
     /// Where its database is.
     pub fn database(&self) -> DatabasePlace {
         self.home.database()
@@ -255,18 +266,27 @@ impl TestApp {
     }
 }
 
+/// A token that does not end: its name, scope and project.
+fn new_token(secret: &Secret, (name, scope, project): (&str, Scope, &str)) -> NewToken {
+    NewToken {
+        name: name.to_owned(),
+        digest: secret.digest(),
+        scope,
+        streams: None,
+        project: project.parse().unwrap(),
+        expires_at: None,
+    }
+}
+
 async fn make_token(
     home: &Home,
-    (name, scope, project): (&str, Scope, &str),
+    token: (&str, Scope, &str),
     expires_at: Option<Timestamp>,
 ) -> String {
     let secret = Secret::new().unwrap();
     let new = NewToken {
-        name: name.to_owned(),
-        digest: secret.digest(),
-        scope,
-        project: project.parse().unwrap(),
         expires_at,
+        ..new_token(&secret, token)
     };
     assert!(tokens::create(&home.database(), new).await.unwrap());
     secret.expose().to_owned()

@@ -50,6 +50,8 @@ mod origin;
 
 mod quotas;
 mod sessions;
+mod sinks;
+mod sinks_access;
 
 mod slow;
 

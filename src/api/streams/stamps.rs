@@ -9,7 +9,7 @@ use greybox::intake;
 use greybox::recording::{Batch, Recording};
 
 /// The latest stamp that a sample may have.
-pub(super) fn latest(limits: &Limits) -> Timestamp {
+pub(in crate::api) fn latest(limits: &Limits) -> Timestamp {
     let ahead = jiff::SignedDuration::try_from(limits.stamps_ahead).unwrap_or_default();
     let latest = Timestamp::now().checked_add(ahead);
     latest.unwrap_or(Timestamp::MAX)
@@ -42,7 +42,7 @@ pub(super) fn batch(recording: Recording, latest: Timestamp) -> Answer<Batch> {
 }
 
 /// An instant in nanoseconds since 1970; the nearest that 64 bits hold.
-pub(super) fn nanoseconds(instant: Timestamp) -> i64 {
+pub(in crate::api) fn nanoseconds(instant: Timestamp) -> i64 {
     let nearest = match instant < Timestamp::UNIX_EPOCH {
         true => i64::MIN,
         false => i64::MAX,

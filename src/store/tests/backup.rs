@@ -91,6 +91,7 @@ async fn a_restored_database_names_the_tokens_that_count_again_and_logs_where_it
             name: name.to_owned(),
             digest: crate::access::Secret::new().expect("random bytes").digest(),
             scope: crate::access::Scope::Read,
+            streams: None,
             project: Project::default(),
             expires_at: None,
         };

@@ -54,6 +54,7 @@ async fn filled() -> (Fixture, JobId) {
         name: "historian".to_owned(),
         digest: crate::access::Secret::new().expect("random bytes").digest(),
         scope: crate::access::Scope::Submit,
+        streams: None,
         project: Default::default(),
         expires_at: None,
     };

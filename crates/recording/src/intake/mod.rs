@@ -23,7 +23,7 @@ mod format;
 mod gzip;
 mod historian;
 pub mod json;
-mod lines;
+pub mod lines;
 mod memory;
 mod options;
 mod order;
