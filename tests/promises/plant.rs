@@ -44,6 +44,7 @@ pub fn job(dataset: &str, generations: u32, seed: u64) -> Value {
         },
         "outputs": {"position": {"noise_std": 1e-3}},
         "method": {"population": 8, "generations": generations, "stagnation_generations": 0, "noise_floor": false},
+        "uncertainty": {"tried_steps": 1},
         "seed": seed
     })
 }

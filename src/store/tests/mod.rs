@@ -22,7 +22,7 @@ mod ways;
 use std::collections::BTreeMap;
 use std::path::Path;
 use std::sync::{Arc, Mutex};
-use std::time::Duration;
+use std::time::{Duration, Instant};
 
 use indexmap::IndexMap;
 
@@ -194,10 +194,18 @@ impl Fixture {
     }
 }
 
+/// Opens a database. A program that another test is just starting holds every open file of this one, the lock of a
+/// database that was closed among them, until it runs.
 async fn open(settings: &DatabaseSettings, changes: &Arc<Mutex<Vec<Change>>>) -> Store {
-    let changes = changes.clone();
-    let on_change = Arc::new(move |change| changes.lock().expect("unpoisoned").push(change));
-    Store::open(settings, on_change).await.expect("a database")
+    let deadline = Instant::now() + Duration::from_secs(10);
+    loop {
+        let changes = changes.clone();
+        let on_change = Arc::new(move |change| changes.lock().expect("unpoisoned").push(change));
+        match Store::open(settings, on_change).await {
+            Err(StoreError::Locked { .. }) if Instant::now() < deadline => std::thread::yield_now(),
+            opened => return opened.expect("a database"),
+        }
+    }
 }
 
 fn job(key: Option<(&str, &str)>) -> NewJob {

@@ -181,7 +181,8 @@ impl NoiseComparison {
     }
 
     /// The comparison with another disturbance beside those of the likeliest noise model, where that is one of this
-    /// round and misses an effect; the inner answer is none where there is nothing to try. Answers nothing when
+    /// round, misses an effect, and misses it at fewer outputs than the round before: a plant that no disturbance
+    /// explains is not asked on and on. The inner answer is none where there is nothing to try. Answers nothing when
     /// `stop` was raised.
     fn further(
         &self,
@@ -194,7 +195,13 @@ impl NoiseComparison {
         let n_disturbances = likeliest.fit.trial.noise.disturbances.len();
         let is_of_this_round = place >= self.weighed.len() && n_disturbances > 0;
         let may_go_on = !self.is_listed && is_of_this_round && n_disturbances < MOST_DISTURBANCES;
-        if !may_go_on || !likeliest.misses_an_effect() {
+        let before = match noise_choice::likeliest(&self.weighed) {
+            Some((_, earlier)) => Some(earlier),
+            None => weighed.first().and_then(Option::as_deref),
+        };
+        let n_coloured = likeliest.coloured.len();
+        let has_helped = before.is_some_and(|before| n_coloured < before.coloured.len());
+        if !may_go_on || !has_helped || !likeliest.misses_an_effect() {
             return Some(None);
         }
         let basis = FittedBasis {

@@ -6,6 +6,7 @@
 mod coverage;
 mod jobs;
 mod nonlinear;
+mod several;
 mod smoothed;
 mod sums;
 

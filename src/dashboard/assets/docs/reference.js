@@ -64,6 +64,7 @@ document.body.append(viewer);
 const LEGIBLE = `
   :is(.nav-method, .method-fg).get { color: var(--link) !important; }
   :is(.nav-method, .method-fg).post { color: var(--good) !important; }
+  :is(.nav-method, .method-fg):is(.put, .head) { color: var(--warn) !important; }
   :is(.nav-method, .method-fg).delete { color: var(--bad) !important; }
 `;
 const UNNAMED = ":is(input, select, textarea):not([aria-label], [aria-hidden])";
