@@ -222,12 +222,13 @@ async fn write(state: &ApiState, client: Client, target: WriteTarget, request: R
         let outcomes = mappings.write(new).await?;
         let outcomes = outcomes.ok_or_else(|| target.unknown())?;
         for ((stream, lines), outcome) in sizes.into_iter().zip(outcomes) {
-            if let Some(sentence) = refusal(&stream, &outcome) {
-                refused.lines += lines;
-                if refused.told.len() < MOST_SENTENCES {
-                    refused.told.push(sentence);
-                }
-                taken = taken.saturating_sub(lines);
+            let Some(sentence) = refusal(&stream, &outcome) else {
+                continue;
+            };
+            refused.lines += lines;
+            taken = taken.saturating_sub(lines);
+            if refused.told.len() < MOST_SENTENCES {
+                refused.told.push(sentence);
             }
         }
     }

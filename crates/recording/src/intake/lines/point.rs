@@ -192,21 +192,12 @@ impl<'t> ProtocolLine<'t> {
         let mut rest = Some(self.fields);
         std::iter::from_fn(move || {
             let text = rest.take()?;
-            let mut scanner = LineScanner::at(LinePlace::FieldKey);
-            let (mut key_end, mut end) = (None, text.len());
-            for (at, byte) in text.bytes().enumerate() {
-                scanner.step(byte);
-                if scanner.place == LinePlace::FieldValue {
-                    key_end.get_or_insert(at);
-                } else if scanner.place == LinePlace::FieldKey && key_end.is_some() {
-                    end = at;
-                    rest = Some(&text[at + 1..]);
-                    break;
-                }
-            }
-            let Some(key_end) = key_end else {
+            let ends = FieldEnds::of(text);
+            rest = ends.field.map(|end| &text[end + 1..]);
+            let Some(key_end) = ends.key else {
                 return Some(Err(LineFault::MissingFieldValue));
             };
+            let end = ends.field.unwrap_or(text.len());
             let (key, value) = (&text[..key_end], &text[key_end + 1..end]);
             Some(match (key, value) {
                 ("", _) => Err(LineFault::MissingFieldKey),
@@ -215,6 +206,34 @@ impl<'t> ProtocolLine<'t> {
                 _ => Ok((unescaped(key, b", ="), value)),
             })
         })
+    }
+}
+
+/// Where the first field of a text ends, and its key.
+struct FieldEnds {
+    /// The place of the `=` behind the key; none where there is none.
+    key: Option<usize>,
+    /// The place of the comma behind the field; none where the field is the last.
+    field: Option<usize>,
+}
+
+impl FieldEnds {
+    fn of(text: &str) -> FieldEnds {
+        let mut scanner = LineScanner::at(LinePlace::FieldKey);
+        let mut ends = FieldEnds {
+            key: None,
+            field: None,
+        };
+        for (at, byte) in text.bytes().enumerate() {
+            scanner.step(byte);
+            if scanner.place == LinePlace::FieldValue {
+                ends.key.get_or_insert(at);
+            } else if scanner.place == LinePlace::FieldKey && ends.key.is_some() {
+                ends.field = Some(at);
+                break;
+            }
+        }
+        ends
     }
 }
 

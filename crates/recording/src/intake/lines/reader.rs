@@ -72,9 +72,11 @@ impl<R: BufRead> LineReader<R> {
             if ends {
                 self.number += 1;
                 first_end.get_or_insert(self.line.len());
-                if !scanner.is_in_text() {
-                    return Ok(Some(true));
-                }
+            }
+            if ends && !scanner.is_in_text() {
+                return Ok(Some(true));
+            }
+            if ends {
                 continue;
             }
             if scanner.is_in_text()
