@@ -31,7 +31,7 @@ const MOST_SENTENCES: usize = 40;
 /// An error as InfluxDB 1 tells it.
 #[derive(Serialize, ToSchema)]
 pub struct Influx1Error {
-    /// What is wrong.
+    /// The fault in words.
     #[schema(example = "partial write: unable to parse 'rig': missing fields dropped=1")]
     error: String,
 }
@@ -43,7 +43,7 @@ pub struct Influx2Error {
     /// `too many requests`, `unavailable` or `internal error`.
     #[schema(example = "invalid")]
     code: String,
-    /// What is wrong.
+    /// The fault in words.
     #[schema(example = "partial write: unable to parse 'rig': missing fields dropped=1")]
     message: String,
 }

@@ -19,7 +19,7 @@ pub use unmapped::{LastValue, MAX_UNMAPPED, UnmappedSeries};
 mod routes;
 mod unmapped;
 
-/// What is wrong with lines is told of so many of them; the others are counted.
+/// Lines of which an answer tells the fault; those beyond are counted.
 const TOLD_LINES: usize = 20;
 /// The characters of a line that are repeated where something is wrong with it.
 const SHOWN_CHARACTERS: usize = 200;
