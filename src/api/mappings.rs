@@ -250,7 +250,16 @@ fn read(root: &Field<'_>) -> Option<Mapping> {
     Some(Mapping { rules: rules? })
 }
 
+/// Refuses members that are `null`: a mapping leaves out what it does not say.
+fn refuse_nulls(field: &Field<'_>) {
+    let members = field.value.as_object().into_iter().flatten();
+    for (name, _) in members.filter(|(_, value)| value.is_null()) {
+        field.fault("wrong_type", format!("`{name}` is null: leave it out"));
+    }
+}
+
 fn read_rule(field: &Field<'_>) -> Option<MappingRule> {
+    refuse_nulls(field);
     let mut object = field.object()?;
     let measurement = object
         .required("measurement")
@@ -300,6 +309,7 @@ fn read_key(field: &Field<'_>) -> Option<String> {
 }
 
 fn read_signal(field: &Field<'_>) -> Option<MappedSignal> {
+    refuse_nulls(field);
     let mut object = field.object()?;
     let signal = object.required("signal").and_then(|field| {
         let name = field.text()?;
