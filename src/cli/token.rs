@@ -27,10 +27,10 @@ pub enum Command {
 /// What `token create` is given.
 #[derive(Debug, Args)]
 pub struct CreateArguments {
-    /// What it is called, in the list and in the audit log
+    /// The name of the token, in the list and in the audit log
     #[arg(long, value_parser = name)]
     name: String,
-    /// What it allows: append (to the streams that `--streams` names), read, submit (read and change) or admin
+    /// The scope of the token: append (to the streams that `--streams` names), read, submit (read and change) or admin
     /// (all, with deliveries and audit log)
     #[arg(long)]
     scope: Scope,

@@ -102,7 +102,7 @@ async fn a_sample_lands_with_its_own_instant_at_each_precision() {
             (&json!(1), &json!(first)),
             "{precision}"
         );
-        // The same line again, by the other protocol, changes nothing.
+        // A line that is written again, by the protocol of InfluxDB 2, changes nothing.
         app.send(to_v2(&app, precision, line)).await.expect(204);
         let again = app.get("/v1/streams/rig-4").await.expect(200).json();
         assert_eq!(

@@ -52,8 +52,8 @@ async fn credentials_come_in_every_way_of_influxdb() {
     let refused = app.send(refused).await.expect(401).json();
     assert_eq!(refused["code"], "unauthorized");
     // A mapping is of one project.
-    let other = to_v2(&app, "", line).header("authorization", format!("Token {hall}"));
-    app.send(other).await.expect(404);
+    let of_hall = to_v2(&app, "", line).header("authorization", format!("Token {hall}"));
+    app.send(of_hall).await.expect(404);
     // These ways are for these paths alone.
     let listed = app.request(Method::GET, "/v1/streams");
     app.send(listed.basic_auth("x", Some(&mes)))
