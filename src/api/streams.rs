@@ -1,9 +1,11 @@
 //! Recordings that grow: append, list, show, cut out, remove.
 
+mod csv;
 pub mod cut;
 pub mod removal;
 pub(super) mod stamps;
 
+use std::ops::Range;
 use std::str::FromStr;
 
 use axum::extract::{Request, State};
@@ -16,9 +18,7 @@ use utoipa::{IntoParams, ToSchema};
 use super::ApiState;
 use super::body::scratch_failed;
 use super::client::Client;
-use super::datasets::{
-    FileBytes, ReadingQuery, RecordingDocument, csv_answer, digest, kind_of, reading,
-};
+use super::datasets::{FileBytes, ReadingQuery, RecordingDocument, digest, kind_of, reading};
 use super::error::{Answer, Kind, Problem};
 use super::extract::{Named, PathName};
 use super::http_headers::{idempotency_key, json, prefers, tagged_json};
@@ -366,27 +366,23 @@ pub async fn show(
         };
         return Ok(tagged_json(&headers, &shown));
     }
-    let permit = state.work.recording_permit().await?;
-    let recording = window(state.store.streams(), &stream, (query.from, query.to)).await?;
+    let between = (query.from, query.to);
     if wants_csv {
-        let recording = recording.ok_or_else(|| invalid("too_few_samples", too_few()))?;
-        return csv_answer(&state.bodies, recording, permit).await;
+        return csv::answer(&state, stream, span(between)).await;
     }
+    let permit = state.work.recording_permit().await?;
     let points = query.max_points.unwrap_or(DEFAULT_POINTS);
     let points = usize::try_from(points).expect("the limit is small");
+    let streams = state.store.streams();
+    let rows = streams.overview(&stream, span(between), points).await?;
     let written = state.work.convert(move || {
         let _permit = permit;
-        let samples = recording.map(|recording| StreamSamples {
-            start: recording.start,
-            samples: Some(recording.decimate(None, None, None, points)),
-        });
-        let window = samples.unwrap_or(StreamSamples {
-            start: None,
-            samples: None,
-        });
+        let recording = rows.into_recording(&stream.signals, RecordingSource::default());
+        let start = recording.as_ref().and_then(|recording| recording.start);
+        let samples = recording.map(|recording| recording.decimate(None, None, None, points));
         let shown = ShownStream {
             stream,
-            window: Some(window),
+            window: Some(StreamSamples { start, samples }),
         };
         Ok(json(StatusCode::OK, &shown))
     });
@@ -402,14 +398,18 @@ async fn stream(streams: &Streams, client: &Client, name: &str) -> Answer<Stream
     stream.ok_or_else(|| Problem::not_found("stream", name))
 }
 
+/// The instants from one up to, and without, another, nanoseconds since 1970.
+fn span((from, to): (Option<Timestamp>, Option<Timestamp>)) -> Range<i64> {
+    from.map_or(i64::MIN, nanoseconds)..to.map_or(i64::MAX, nanoseconds)
+}
+
 /// A part of a stream; nothing where it has fewer than two samples.
 async fn window(
     streams: &Streams,
     stream: &StreamRow,
     (from, to): (Option<Timestamp>, Option<Timestamp>),
 ) -> Answer<Option<Recording>> {
-    let span = from.map_or(i64::MIN, nanoseconds)..to.map_or(i64::MAX, nanoseconds);
-    let rows = streams.rows(stream, span, MAX_WINDOW_SAMPLES);
+    let rows = streams.rows(stream, span((from, to)), MAX_WINDOW_SAMPLES);
     let rows = rows.await?.ok_or_else(|| {
         let detail = format!(
             "there are more than {MAX_WINDOW_SAMPLES} instants in it; ask for a shorter part"

@@ -16,7 +16,7 @@ const BYTES_TOGETHER: usize = 1 << 20;
 const ROWS_TOGETHER: usize = 100;
 
 /// What is copied; a table comes after those that its rows belong to.
-pub(super) const TABLES: [&str; 33] = [
+pub(super) const TABLES: [&str; 34] = [
     "jobs",
     "job_labels",
     "job_datasets",
@@ -33,6 +33,7 @@ pub(super) const TABLES: [&str; 33] = [
     "comparison_jobs",
     "streams",
     "stream_blocks",
+    "stream_extremes",
     "signal_lists",
     "stream_batches",
     "monitors",

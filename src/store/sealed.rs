@@ -79,6 +79,13 @@ pub(super) const STREAM_BLOCKS: Sealed = Sealed {
     content: &[Integer("last_ns"), Integer("rows"), Bytes("samples")],
 };
 
+pub(super) const STREAM_EXTREMES: Sealed = Sealed {
+    what: "list of extremes",
+    table: "stream_extremes",
+    key: &[Text("stream"), Integer("first_ns")],
+    content: &[Integer("rows"), Bytes("samples")],
+};
+
 pub(super) const CHECKPOINTS: Sealed = Sealed {
     what: "checkpoint",
     table: "checkpoints",
@@ -175,11 +182,12 @@ pub(super) const SHARED_PARTS: Sealed = Sealed {
 };
 
 /// All tables whose rows are sealed.
-pub(super) const TABLES: [&Sealed; 16] = [
+pub(super) const TABLES: [&Sealed; 17] = [
     &JOBS,
     &DATASETS,
     &DATASET_CHUNKS,
     &STREAM_BLOCKS,
+    &STREAM_EXTREMES,
     &CHECKPOINTS,
     &RESULTS,
     &EVENTS,

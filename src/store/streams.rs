@@ -7,12 +7,14 @@
 
 pub(super) mod answers;
 mod blocks;
+mod coding;
 mod double_hour;
+mod overview;
 mod removal;
 mod signals;
 mod stream;
 
-use std::ops::Range;
+use std::ops::{ControlFlow, Range};
 use std::sync::Arc;
 
 use jiff::Timestamp;
@@ -23,7 +25,7 @@ use super::shared_database::Database;
 use super::writer::{Tx, in_transaction};
 use super::{Change, StoreError, quota_checks};
 use crate::access::Project;
-use blocks::{Block, Span, note};
+use blocks::{Kept, Order, Span};
 use greybox::recording::{Batch, Rows};
 pub use removal::Cleared;
 use signals::places;
@@ -88,6 +90,35 @@ impl Streams {
         blocks::between(&mut connection, stream, Span::from(span), most).await
     }
 
+    /// The samples of a stream in a span that lie in one block with the first of them; nothing where there are
+    /// none. Instants are nanoseconds since 1970.
+    pub async fn first_rows(
+        &self,
+        stream: &StreamRow,
+        span: Range<i64>,
+    ) -> Result<Option<Rows>, StoreError> {
+        let mut connection = self.database.readers.acquire().await?;
+        let in_order = (Span::from(span), Order::OldestFirst);
+        let first = |rows: Rows| match rows.rows() {
+            0 => ControlFlow::Continue(()),
+            _ => ControlFlow::Break(rows),
+        };
+        blocks::visit(&mut connection, stream, in_order, first).await
+    }
+
+    /// The samples of a stream in a span for a plot of so many points: all of them where there are few, else
+    /// those with the least and the greatest value of each signal in each of more stretches than there are
+    /// points. Instants are nanoseconds since 1970.
+    pub async fn overview(
+        &self,
+        stream: &StreamRow,
+        span: Range<i64>,
+        points: usize,
+    ) -> Result<Rows, StoreError> {
+        let mut connection = self.database.readers.acquire().await?;
+        overview::overview(&mut connection, stream, Span::from(span), points).await
+    }
+
     /// The first instant of a stream at or after one, nanoseconds since 1970.
     pub async fn next_instant(
         &self,
@@ -147,8 +178,6 @@ pub(super) async fn append(tx: &mut Tx, new: NewBatch) -> Result<BatchOutcome, S
         Ok(placed) => placed,
         Err(refusal) => return Ok(refusal),
     };
-    let adds = blocks::bytes_of(&new.batch.rows);
-    quota_checks::check_bytes(tx, &new.project, adds).await?;
     let now = Timestamp::now();
     let mut row = before.unwrap_or_else(|| StreamRow::empty(&new, now));
     let Batch {
@@ -174,7 +203,10 @@ pub(super) async fn append(tx: &mut Tx, new: NewBatch) -> Result<BatchOutcome, S
     if is_new {
         put(tx, &row).await?;
     }
-    let merged = blocks::merge(tx, &row, &rows).await?;
+    let bytes_before = row.bytes;
+    let merged = blocks::merge(tx, &mut row, &rows).await?;
+    let adds = row.bytes.saturating_sub(bytes_before);
+    quota_checks::check_bytes(tx, &new.project, adds).await?;
     let removed = keep(tx, &mut row).await?;
     tx.announce(Change::Stream);
     let appended = Appended {
@@ -192,33 +224,15 @@ pub(super) async fn append(tx: &mut Tx, new: NewBatch) -> Result<BatchOutcome, S
 /// Removes what is older or more than is to be kept, and writes what the stream then is. Says how
 /// many samples went.
 async fn keep(tx: &mut Tx, row: &mut StreamRow) -> Result<u64, StoreError> {
-    let blocks = blocks::all(tx, &row.identity()).await?;
-    let oldest = match row.keep_s {
+    let from = match row.keep_s {
         Some(keep_s) => {
-            let now = now_ns();
-            let reached = blocks::last_until(tx, &row.identity(), now).await?;
+            let reached = blocks::last_until(tx, &row.identity(), now_ns()).await?;
             reached.map_or(i64::MIN, |last| last.saturating_sub((keep_s * NS) as i64))
         }
         None => i64::MIN,
     };
-    let room = u64::from(row.keep_mib) << 20;
-    let mut kept = 0;
-    // The newest block stays, whatever is to be kept.
-    let is_kept = |(place, block): &(usize, &Block)| {
-        kept += block.bytes;
-        *place == 0 || (kept <= room && block.last >= oldest)
-    };
-    let n_kept = blocks.iter().rev().enumerate().take_while(is_kept).count();
-    let (gone, left) = blocks.split_at(blocks.len() - n_kept);
-    if let Some(newest_gone) = gone.last() {
-        database::query("delete from stream_blocks where stream = $1 and first_ns <= $2")
-            .bind(row.identity())
-            .bind(newest_gone.first)
-            .execute(&mut **tx)
-            .await?;
-    }
-    note(tx, row, left).await?;
-    Ok(gone.iter().map(|block| block.rows).sum())
+    let bytes = u64::from(row.keep_mib) << 20;
+    blocks::keep(tx, row, Kept { from, bytes }).await
 }
 
 async fn delete(tx: &mut Tx, identity: String) -> Result<StreamRemoval, StoreError> {

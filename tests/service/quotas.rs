@@ -25,16 +25,21 @@ async fn a_project_has_as_many_recordings_and_bytes_as_it_may() {
     app.post_csv("/v1/datasets", other).await.expect(201);
     app.shutdown().await;
 
+    let batch = "time,force [N]\n2026-03-02T08:15:00Z,50\n2026-03-02T08:15:01Z,50\n";
+    let app = TestApp::start().await;
+    let stored = app.post_csv("/v1/streams/rig-4", batch).await.expect(201);
+    let takes = stored.json()["stream"]["bytes"].as_u64().unwrap();
+    app.shutdown().await;
+
     let app = TestApp::with(|settings| settings.max_stored_mib = 0).await;
     let problem = app.post_csv("/v1/datasets", drive_csv()).await.problem(429);
     let detail = problem["detail"].as_str().unwrap();
     // 400 samples of two signals on a uniform axis.
     assert!(detail.contains("this adds 6400"), "{detail}");
     // What streams keep counts too.
-    let batch = "time,force [N]\n2026-03-02T08:15:00Z,50\n2026-03-02T08:15:01Z,50\n";
     let problem = app.post_csv("/v1/streams/rig-4", batch).await.problem(429);
     let detail = problem["detail"].as_str().unwrap();
-    assert!(detail.contains("this adds 34"), "{detail}");
+    assert!(detail.contains(&format!("this adds {takes}")), "{detail}");
 }
 
 #[tokio::test(flavor = "multi_thread")]

@@ -1,46 +1,104 @@
-//! A recording as CSV in SI units.
+//! Samples as CSV in SI units.
 
-use super::{Recording, Signal};
+use super::{Recording, Rows};
 use std::io::{self, BufWriter, Write};
 
+/// Writes samples as `time [s],name [unit],…` and a row for each instant. A missing sample is an empty
+/// field. Numbers are the shortest text that reads back to the same bits.
+pub struct CsvWriter<W: Write> {
+    out: BufWriter<W>,
+}
+
+impl<W: Write> CsvWriter<W> {
+    /// A writer that has written nothing.
+    pub fn new(out: W) -> Self {
+        Self {
+            out: BufWriter::new(out),
+        }
+    }
+
+    /// Writes the titles: of the time, and of signals by their name and SI unit.
+    ///
+    /// # Errors
+    /// When the titles cannot be written.
+    pub fn titles<'a>(
+        &mut self,
+        signals: impl Iterator<Item = (&'a str, &'a str)> + Clone,
+    ) -> io::Result<()> {
+        let mut time = "time".to_owned();
+        while signals.clone().any(|(name, _)| name == time) {
+            time.push('_');
+        }
+        write!(self.out, "{time} [s]")?;
+        for (name, unit) in signals {
+            write!(self.out, ",{}", quoted(&title(name, unit)))?;
+        }
+        writeln!(self.out)
+    }
+
+    /// Writes the samples of an instant `[s]`.
+    ///
+    /// # Errors
+    /// When the samples cannot be written.
+    pub fn row(&mut self, instant: f64, values: impl Iterator<Item = f64>) -> io::Result<()> {
+        write!(self.out, "{instant:?}")?;
+        for value in values {
+            if value.is_nan() {
+                write!(self.out, ",")?;
+            } else {
+                write!(self.out, ",{value:?}")?;
+            }
+        }
+        writeln!(self.out)
+    }
+
+    /// Writes rows with their instants counted from one of them, nanoseconds since 1970.
+    ///
+    /// # Errors
+    /// When the samples cannot be written.
+    pub fn rows(&mut self, rows: &Rows, start: i64) -> io::Result<()> {
+        for (row, instant) in rows.instants.iter().enumerate() {
+            let instant = (instant - start) as f64 / 1e9;
+            self.row(
+                instant,
+                rows.columns.iter().map(|column| column.values[row]),
+            )?;
+        }
+        Ok(())
+    }
+
+    /// Writes what is still held.
+    ///
+    /// # Errors
+    /// When the last rows cannot be written.
+    pub fn finish(mut self) -> io::Result<()> {
+        self.out.flush()
+    }
+}
+
 impl Recording {
-    /// Writes `time [s],name [unit],…` and a row for each sample. A missing sample is an empty
-    /// field. Numbers are the shortest text that reads back to the same bits.
+    /// Writes the recording as [`CsvWriter`] does.
     ///
     /// # Errors
     /// When `out` cannot be written to.
     pub fn write_csv(&self, out: impl Write) -> io::Result<()> {
-        let mut out = BufWriter::new(out);
-        write!(out, "{}", self.time_title())?;
-        for signal in &self.signals {
-            write!(out, ",{}", quoted(&title(signal)))?;
-        }
-        writeln!(out)?;
+        let signals = self.signals.iter();
+        let titles = signals.map(|signal| (&*signal.name, &*signal.unit));
+        let mut writer = CsvWriter::new(out);
+        writer.titles(titles)?;
         for k in 0..self.time.samples() {
-            write!(out, "{:?}", self.time.instant(k))?;
-            for signal in &self.signals {
-                write_field(&mut out, signal.values[k])?;
-            }
-            writeln!(out)?;
+            let values = self.signals.iter().map(|signal| signal.values[k]);
+            writer.row(self.time.instant(k), values)?;
         }
-        out.flush()
-    }
-
-    /// The title of the time column, which no signal has.
-    fn time_title(&self) -> String {
-        let mut name = "time".to_owned();
-        while self.signal(&name).is_some() {
-            name.push('_');
-        }
-        format!("{name} [s]")
+        writer.finish()
     }
 }
 
-fn title(signal: &Signal) -> String {
-    if signal.unit.is_empty() && !signal.name.ends_with(']') {
-        signal.name.clone()
+fn title(name: &str, unit: &str) -> String {
+    if unit.is_empty() && !name.ends_with(']') {
+        name.to_owned()
     } else {
-        format!("{} [{}]", signal.name, signal.unit)
+        format!("{name} [{unit}]")
     }
 }
 
@@ -52,18 +110,10 @@ fn quoted(title: &str) -> String {
     }
 }
 
-fn write_field(out: &mut impl Write, value: f64) -> io::Result<()> {
-    if value.is_nan() {
-        write!(out, ",")
-    } else {
-        write!(out, ",{value:?}")
-    }
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::TimeAxis;
+    use crate::{Signal, TimeAxis};
 
     #[test]
     fn missing_samples_are_empty_fields() {

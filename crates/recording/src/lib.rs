@@ -36,6 +36,7 @@ pub use double_hour::DoubleHour;
 pub use error::ExperimentError;
 pub use exclude::{Exclude, ExcludedClass, ExcludedSpan};
 pub use experiment::{ExperimentData, Instants, Mapped, RecordingSelection};
+pub use export::CsvWriter;
 pub use quality::{QualityReport, shown};
 pub use received::ReceivedRecording;
 pub(crate) use recording::name_fault;

@@ -5,7 +5,7 @@
 
 use super::{
     Class, ClassSpan, Interpolation, NamedSignal, Recording, RecordingSource, Signal, TimeAxis,
-    nanoseconds,
+    kept_indices, nanoseconds,
 };
 use jiff::Timestamp;
 use serde::{Deserialize, Serialize};
@@ -185,6 +185,18 @@ impl Rows {
                 })
                 .collect(),
         }
+    }
+
+    /// The rows with the least and the greatest value of each signal in each of as many stretches as `most`
+    /// rows allow, but of one at the least; all rows where there are not more than `most`.
+    #[must_use]
+    pub fn thinned(&self, most: usize) -> Self {
+        let columns: Vec<&[f64]> = self.columns.iter().map(|column| &*column.values).collect();
+        let mut thinned = Self::of_columns(self.columns.len());
+        for row in kept_indices(&columns, 0..self.rows(), most) {
+            thinned.push(self, row);
+        }
+        thinned
     }
 
     /// The rows whose instants lie at or after one and before another.

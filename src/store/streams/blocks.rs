@@ -1,29 +1,30 @@
-//! The blocks of a stream: rows of samples that lie together in time.
+//! The blocks of a stream: rows of samples that lie together in time, and beside each the rows of its extremes.
 
 use std::ops::{ControlFlow, Range};
 
+use super::coding;
 use super::stream::{StreamRow, put, stamp};
-use crate::store::database::{self, Connection, Row};
-use crate::store::sealed::STREAM_BLOCKS;
+use crate::store::database::{self, Connection, QueryBuilder, Row};
+use crate::store::sealed::{STREAM_BLOCKS, STREAM_EXTREMES, Sealed};
 use crate::store::writer::Tx;
 use crate::store::{StoreError, corrupt};
-use greybox::recording::{Class, Merged, RowColumn, Rows};
+use greybox::recording::{Merged, Rows};
 
-/// Values in a block at the most, all signals together: with their classes and instants, half a MiB.
+/// Values in a block at the most, all signals together.
 const BLOCK_VALUES: usize = 1 << 15;
-/// Bytes of an instant, of a value.
-const WORD: usize = 8;
+/// Rows that the extremes of a block have at the most, where the block has not more signals than that.
+pub(super) const EXTREMES_ROWS: usize = 64;
 
 /// A block without its samples.
-pub(super) struct Block {
+struct Block {
     /// The first instant of the block, nanoseconds since 1970.
-    pub(super) first: i64,
+    first: i64,
     /// The last instant of the block, nanoseconds since 1970.
-    pub(super) last: i64,
+    last: i64,
     /// How many instants the block has.
-    pub(super) rows: u64,
-    /// Bytes that the samples of the block take.
-    pub(super) bytes: u64,
+    rows: u64,
+    /// Bytes that the samples of the block take, and its extremes.
+    bytes: u64,
 }
 
 /// The instants from one up to, and without, another, nanoseconds since 1970.
@@ -49,6 +50,25 @@ pub(super) enum Order {
     NewestFirst,
 }
 
+/// The block of a stream `$1` that an instant `$2` falls into, or else the next one. Blocks do not overlap, so
+/// that of all blocks before the instant only the last can reach it.
+const BLOCK_FROM: &str = "select stream, first_ns, last_ns, rows, samples, seal from stream_blocks \
+     where stream = $1 and last_ns >= $2 and first_ns >= coalesce((select max(first_ns) \
+     from stream_blocks where stream = $1 and first_ns <= $2), $2) order by first_ns limit 1";
+/// The block of a stream `$1` that begins last up to and with an instant `$2`.
+const BLOCK_UNTIL: &str = "select stream, first_ns, last_ns, rows, samples, seal from stream_blocks \
+     where stream = $1 and first_ns <= $2 order by first_ns desc limit 1";
+
+async fn fetch_block(
+    connection: &mut Connection,
+    sql: &'static str,
+    stream: &str,
+    instant: i64,
+) -> Result<Option<Row>, StoreError> {
+    let block = database::query(sql).bind(stream).bind(instant);
+    Ok(block.fetch_optional(connection).await?)
+}
+
 /// Hands over the rows of a stream in a span, block by block, until `take` breaks with an answer.
 pub(super) async fn visit<T>(
     connection: &mut Connection,
@@ -60,31 +80,26 @@ pub(super) async fn visit<T>(
     // Blocks do not overlap: the next one lies beyond the one before.
     let mut rest = span;
     while rest.from < rest.to {
-        let block = database::query(match order {
-            Order::OldestFirst => {
-                "select stream, first_ns, last_ns, rows, samples, seal from stream_blocks \
-                 where stream = $1 and first_ns < $2 and last_ns >= $3 order by first_ns limit 1"
-            }
+        let block = match order {
+            Order::OldestFirst => fetch_block(connection, BLOCK_FROM, &identity, rest.from).await?,
             Order::NewestFirst => {
-                "select stream, first_ns, last_ns, rows, samples, seal from stream_blocks \
-                 where stream = $1 and first_ns < $2 and last_ns >= $3 order by first_ns desc limit 1"
+                fetch_block(connection, BLOCK_UNTIL, &identity, rest.to - 1).await?
             }
-        })
-        .bind(&identity)
-        .bind(rest.to)
-        .bind(rest.from)
-        .fetch_optional(&mut *connection)
-        .await?;
+        };
         let Some(block) = block else {
             break;
         };
-        let rows = decode(&block, stream.signals.len())?;
+        let (first, last): (i64, i64) = (block.try_get("first_ns")?, block.try_get("last_ns")?);
+        if first >= span.to || last < span.from {
+            break;
+        }
+        let rows = decode(&STREAM_BLOCKS, &block, stream.signals.len())?;
         if let ControlFlow::Break(answer) = take(rows.within(span.from, span.to)) {
             return Ok(Some(answer));
         }
         match order {
-            Order::OldestFirst => rest.from = block.try_get::<i64>("last_ns")?.saturating_add(1),
-            Order::NewestFirst => rest.to = block.try_get("first_ns")?,
+            Order::OldestFirst => rest.from = last.saturating_add(1),
+            Order::NewestFirst => rest.to = first,
         }
     }
     Ok(None)
@@ -115,20 +130,11 @@ pub(super) async fn first_from(
     stream: &str,
     from: i64,
 ) -> Result<Option<i64>, StoreError> {
-    let block = database::query(
-        "select stream, first_ns, last_ns, rows, samples, seal from stream_blocks \
-         where stream = $1 and last_ns >= $2 order by first_ns limit 1",
-    )
-    .bind(stream)
-    .bind(from)
-    .fetch_optional(connection)
-    .await?;
-    let Some(block) = block else {
+    let Some(block) = fetch_block(connection, BLOCK_FROM, stream, from).await? else {
         return Ok(None);
     };
-    Ok(instants(&block)?
-        .into_iter()
-        .find(|instant| *instant >= from))
+    let mut instants = instants(&block)?.into_iter();
+    Ok(instants.find(|instant| *instant >= from))
 }
 
 /// The last instant of a stream up to and with one.
@@ -137,15 +143,7 @@ pub(super) async fn last_until(
     stream: &str,
     until: i64,
 ) -> Result<Option<i64>, StoreError> {
-    let block = database::query(
-        "select stream, first_ns, last_ns, rows, samples, seal from stream_blocks \
-         where stream = $1 and first_ns <= $2 order by first_ns desc limit 1",
-    )
-    .bind(stream)
-    .bind(until)
-    .fetch_optional(connection)
-    .await?;
-    let Some(block) = block else {
+    let Some(block) = fetch_block(connection, BLOCK_UNTIL, stream, until).await? else {
         return Ok(None);
     };
     let instants = instants(&block)?;
@@ -153,227 +151,290 @@ pub(super) async fn last_until(
 }
 
 /// Removes the rows of a span from their blocks. Says how many went.
-pub(super) async fn remove(tx: &mut Tx, stream: &StreamRow, span: Span) -> Result<u64, StoreError> {
-    let identity = stream.identity();
-    let columns = stream.signals.len();
-    let most = rows_of_a_block(columns);
-    let mut removed = 0;
-    for block in all(tx, &identity).await? {
-        if block.last < span.from || block.first >= span.to {
-            continue;
-        }
-        let rows = take(tx, &identity, &block, columns).await?;
-        let mut kept = rows.within(i64::MIN, span.from);
-        kept.append(rows.within(span.to, i64::MAX));
-        removed += (rows.rows() - kept.rows()) as u64;
-        insert(tx, &identity, &kept, most).await?;
+pub(super) async fn remove(
+    tx: &mut Tx,
+    stream: &mut StreamRow,
+    span: Span,
+) -> Result<u64, StoreError> {
+    let before = stream.samples;
+    let mut rest = span;
+    while rest.from < rest.to
+        && let Some(block) = find(tx, stream, Which::From(rest.from)).await?
+        && block.first < span.to
+    {
+        let rows = take(tx, stream, &block).await?;
+        insert(tx, stream, &rows.within(i64::MIN, span.from)).await?;
+        insert(tx, stream, &rows.within(span.to, i64::MAX)).await?;
+        rest.from = block.last.saturating_add(1);
     }
-    Ok(removed)
+    note(tx, stream).await?;
+    Ok(before - stream.samples)
 }
 
-/// The blocks of a stream, the oldest first.
-pub(super) async fn all(tx: &mut Tx, stream: &str) -> Result<Vec<Block>, StoreError> {
-    let rows = database::query(
-        "select first_ns, last_ns, rows, cast(length(samples) as bigint) as bytes from stream_blocks \
-         where stream = $1 order by first_ns",
-    )
-    .bind(stream)
-    .fetch_all(&mut **tx)
-    .await?;
-    let read = |row: &Row| {
-        Ok(Block {
-            first: row.try_get("first_ns")?,
-            last: row.try_get("last_ns")?,
-            rows: row.try_get::<i64>("rows")?.unsigned_abs(),
-            bytes: row.try_get::<i64>("bytes")?.unsigned_abs(),
-        })
+/// What is to be kept of a stream.
+pub(super) struct Kept {
+    /// Blocks that end before this instant go, nanoseconds since 1970.
+    pub(super) from: i64,
+    /// The oldest blocks go until no more bytes are left.
+    pub(super) bytes: u64,
+}
+
+/// Removes the oldest blocks that are not to be kept; the newest block stays. Says how many rows went.
+pub(super) async fn keep(
+    tx: &mut Tx,
+    stream: &mut StreamRow,
+    kept: Kept,
+) -> Result<u64, StoreError> {
+    let before = stream.samples;
+    while let Some(oldest) = find(tx, stream, Which::From(i64::MIN)).await? {
+        let is_kept = oldest.last >= kept.from && stream.bytes <= kept.bytes;
+        if is_kept
+            || find(tx, stream, Which::After(oldest.first))
+                .await?
+                .is_none()
+        {
+            break;
+        }
+        database::query("delete from stream_blocks where stream = $1 and first_ns = $2")
+            .bind(stream.identity())
+            .bind(oldest.first)
+            .execute(&mut **tx)
+            .await?;
+        forget(stream, &oldest);
+    }
+    note(tx, stream).await?;
+    Ok(before - stream.samples)
+}
+
+/// Which block of a stream is looked for.
+enum Which {
+    /// The block that an instant falls into, or else the next one.
+    From(i64),
+    /// The block that begins last up to and with an instant.
+    Until(i64),
+    /// The block that begins first after an instant.
+    After(i64),
+}
+
+/// A block of a stream without its samples.
+async fn find(tx: &mut Tx, stream: &StreamRow, which: Which) -> Result<Option<Block>, StoreError> {
+    let identity = stream.identity();
+    let mut query = QueryBuilder::new(
+        "select first_ns, last_ns, rows, cast(length(samples) + coalesce((select length(samples) \
+         from stream_extremes where stream_extremes.stream = stream_blocks.stream \
+         and stream_extremes.first_ns = stream_blocks.first_ns), 0) as bigint) as bytes \
+         from stream_blocks where stream = ",
+    );
+    query.push_bind(identity.as_str());
+    match which {
+        Which::From(instant) => {
+            query.push(" and last_ns >= ").push_bind(instant);
+            query.push(" and first_ns >= coalesce((select max(first_ns) from stream_blocks where stream = ");
+            query.push_bind(identity.as_str()).push(" and first_ns <= ");
+            query
+                .push_bind(instant)
+                .push("), ")
+                .push_bind(instant)
+                .push(") order by first_ns")
+        }
+        Which::Until(instant) => query
+            .push(" and first_ns <= ")
+            .push_bind(instant)
+            .push(" order by first_ns desc"),
+        Which::After(instant) => query
+            .push(" and first_ns > ")
+            .push_bind(instant)
+            .push(" order by first_ns"),
     };
-    rows.iter().map(read).collect()
+    query.push(" limit 1");
+    let row = query.build().fetch_optional(&mut **tx).await?;
+    let Some(row) = row else {
+        return Ok(None);
+    };
+    Ok(Some(Block {
+        first: row.try_get("first_ns")?,
+        last: row.try_get("last_ns")?,
+        rows: row.try_get::<i64>("rows")?.unsigned_abs(),
+        bytes: row.try_get::<i64>("bytes")?.unsigned_abs(),
+    }))
 }
 
 /// Merges rows into the blocks that they fall into. Rows between two blocks belong to the earlier
 /// one; those before all blocks to the first.
 pub(super) async fn merge(
     tx: &mut Tx,
-    stream: &StreamRow,
+    stream: &mut StreamRow,
     rows: &Rows,
 ) -> Result<Merged, StoreError> {
-    let identity = stream.identity();
-    let blocks = all(tx, &identity).await?;
-    let columns = stream.signals.len();
-    let most = rows_of_a_block(columns);
     let mut merged = Merged::default();
     let mut begin = 0;
     while begin < rows.rows() {
         let instant = rows.instants[begin];
-        let after = blocks.partition_point(|block| block.first <= instant);
-        let place = after.saturating_sub(1);
+        let block = match find(tx, stream, Which::Until(instant)).await? {
+            None => find(tx, stream, Which::After(instant)).await?,
+            block => block,
+        };
         // Rows before all blocks belong to the first, which ends where the second begins.
-        let next = blocks.get(if after == 0 { 1 } else { after });
+        let next = match &block {
+            Some(block) => find(tx, stream, Which::After(block.first)).await?,
+            None => None,
+        };
         let end = next.map_or(rows.rows(), |next| {
             rows.instants
                 .partition_point(|instant| *instant < next.first)
         });
         let part = rows.slice(begin..end);
-        let (all, told) = match blocks.get(place) {
-            Some(block) if !is_full_and_earlier(block, most, instant) => {
-                let taken = take(tx, &identity, block, columns).await?;
-                taken.merge(&part)
+        match block.filter(|block| !is_full_and_earlier(block, stream, instant)) {
+            Some(block) => {
+                let (all, told) = take(tx, stream, &block).await?.merge(&part);
+                merged += told;
+                insert(tx, stream, &all).await?;
             }
-            _ => Rows::of_columns(columns).merge(&part),
-        };
-        merged += told;
-        insert(tx, &identity, &all, most).await?;
+            None => {
+                merged.added += part.rows() as u64;
+                insert(tx, stream, &part).await?;
+            }
+        }
         begin = end;
     }
     Ok(merged)
 }
 
-/// The rows that a block of so many signals holds at the most.
-fn rows_of_a_block(columns: usize) -> usize {
-    (BLOCK_VALUES / columns.max(1)).max(1)
+/// The rows that a block of a stream holds at the most.
+fn rows_of_a_block(stream: &StreamRow) -> usize {
+    (BLOCK_VALUES / stream.signals.len().max(1)).max(1)
 }
 
 /// Whether rows from an instant on had better begin a block of their own.
-fn is_full_and_earlier(block: &Block, most: usize, instant: i64) -> bool {
-    block.last < instant && block.rows >= most as u64
+fn is_full_and_earlier(block: &Block, stream: &StreamRow, instant: i64) -> bool {
+    block.last < instant && block.rows >= rows_of_a_block(stream) as u64
 }
 
 /// Takes a block out.
-async fn take(
-    tx: &mut Tx,
-    stream: &str,
-    block: &Block,
-    columns: usize,
-) -> Result<Rows, StoreError> {
+async fn take(tx: &mut Tx, stream: &mut StreamRow, block: &Block) -> Result<Rows, StoreError> {
     let row = database::query(
         "delete from stream_blocks where stream = $1 and first_ns = $2 \
          returning stream, first_ns, last_ns, rows, samples, seal",
     )
-    .bind(stream)
+    .bind(stream.identity())
     .bind(block.first)
     .fetch_one(&mut **tx)
     .await?;
-    decode(&row, columns)
+    forget(stream, block);
+    decode(&STREAM_BLOCKS, &row, stream.signals.len())
+}
+
+/// Counts a block no longer.
+fn forget(stream: &mut StreamRow, block: &Block) {
+    stream.samples = stream.samples.saturating_sub(block.rows);
+    stream.bytes = stream.bytes.saturating_sub(block.bytes);
 }
 
 /// Puts rows in, cut into blocks.
-async fn insert(tx: &mut Tx, stream: &str, rows: &Rows, most: usize) -> Result<(), StoreError> {
+async fn insert(tx: &mut Tx, stream: &mut StreamRow, rows: &Rows) -> Result<(), StoreError> {
+    let identity = stream.identity();
+    let most = rows_of_a_block(stream);
     let mut begin = 0;
     while begin < rows.rows() {
         let block = rows.slice(begin..(begin + most).min(rows.rows()));
         begin += block.rows();
-        let (Some(first), Some(last)) = (block.instants.first(), block.instants.last()) else {
-            continue;
-        };
-        let rows = i64::try_from(block.rows()).expect("a block is small");
-        let samples = encode(&block);
-        let parts = [
-            stream.into(),
-            (*first).into(),
-            (*last).into(),
-            rows.into(),
-            (&samples).into(),
-        ];
-        let seal = STREAM_BLOCKS.seal(&parts);
-        database::query(
-            "insert into stream_blocks (stream, first_ns, last_ns, rows, samples, seal) \
-             values ($1, $2, $3, $4, $5, $6)",
-        )
-        .bind(stream)
-        .bind(*first)
-        .bind(*last)
-        .bind(rows)
-        .bind(samples)
-        .bind(seal)
-        .execute(&mut **tx)
-        .await?;
+        stream.samples += block.rows() as u64;
+        stream.bytes += insert_block(tx, &identity, &block).await?;
+        // A plot of a block that is hardly longer than its extremes reads the block.
+        if block.rows() > 4 * EXTREMES_ROWS.max(2 * block.columns.len()) {
+            let extremes = block.thinned(EXTREMES_ROWS);
+            stream.bytes += insert_extremes(tx, &identity, (&block, &extremes)).await?;
+        }
     }
     Ok(())
 }
 
-/// The bytes that rows take by themselves.
-pub(super) fn bytes_of(rows: &Rows) -> u64 {
-    let of_a_row = WORD + rows.columns.len() * (WORD + 1);
-    (rows.rows() * of_a_row) as u64
+/// Stores a block. Says how many bytes it takes.
+async fn insert_block(tx: &mut Tx, stream: &str, block: &Rows) -> Result<u64, StoreError> {
+    let (first, last) = (block.instants[0], block.instants[block.rows() - 1]);
+    let rows = i64::try_from(block.rows()).expect("a block is small");
+    let samples = coding::encode(block);
+    let bytes = samples.len() as u64;
+    let parts = [
+        stream.into(),
+        first.into(),
+        last.into(),
+        rows.into(),
+        (&samples).into(),
+    ];
+    let seal = STREAM_BLOCKS.seal(&parts);
+    database::query(
+        "insert into stream_blocks (stream, first_ns, last_ns, rows, samples, seal) \
+         values ($1, $2, $3, $4, $5, $6)",
+    )
+    .bind(stream)
+    .bind(first)
+    .bind(last)
+    .bind(rows)
+    .bind(samples)
+    .bind(seal)
+    .execute(&mut **tx)
+    .await?;
+    Ok(bytes)
 }
 
-fn encode(rows: &Rows) -> Vec<u8> {
-    let n = rows.rows();
-    let mut bytes = Vec::with_capacity(n * (WORD + rows.columns.len() * (WORD + 1)));
-    bytes.extend(rows.instants.iter().flat_map(|ns| ns.to_le_bytes()));
-    for column in &rows.columns {
-        bytes.extend(column.values.iter().flat_map(|value| value.to_le_bytes()));
-    }
-    for column in &rows.columns {
-        bytes.extend(column.classes.iter().map(|class| *class as u8));
-    }
-    bytes
+/// Stores the extremes of a block. Says how many bytes they take.
+async fn insert_extremes(
+    tx: &mut Tx,
+    stream: &str,
+    (block, extremes): (&Rows, &Rows),
+) -> Result<u64, StoreError> {
+    let first = block.instants[0];
+    let rows = i64::try_from(extremes.rows()).expect("a block is small");
+    let samples = coding::encode(extremes);
+    let bytes = samples.len() as u64;
+    let parts = [stream.into(), first.into(), rows.into(), (&samples).into()];
+    let seal = STREAM_EXTREMES.seal(&parts);
+    database::query(
+        "insert into stream_extremes (stream, first_ns, rows, samples, seal) \
+         values ($1, $2, $3, $4, $5)",
+    )
+    .bind(stream)
+    .bind(first)
+    .bind(rows)
+    .bind(samples)
+    .bind(seal)
+    .execute(&mut **tx)
+    .await?;
+    Ok(bytes)
 }
 
 /// The instants of a block, of its row.
-pub(super) fn instants(row: &Row) -> Result<Vec<i64>, StoreError> {
+fn instants(row: &Row) -> Result<Vec<i64>, StoreError> {
     STREAM_BLOCKS.verify(row)?;
-    let (stream, bytes): (&str, &[u8]) = (row.try_get("stream")?, row.try_get("samples")?);
-    let rows = usize::try_from(row.try_get::<i64>("rows")?).unwrap_or_default();
-    let part = bytes.get(..rows.saturating_mul(WORD));
-    let part = part.ok_or_else(|| corrupt("stream", stream, "a block is too short"))?;
-    let (words, _) = part.as_chunks();
-    Ok(words.iter().map(|word| i64::from_le_bytes(*word)).collect())
+    let instants = coding::instants(row.try_get("samples")?, rows_of(row)?);
+    instants.map_err(|why| corrupt("stream", row.try_get("stream").unwrap_or("?"), why))
 }
 
-/// The rows of a block, of its row. Signals that came after it was written have no samples in it.
-pub(super) fn decode(row: &Row, columns: usize) -> Result<Rows, StoreError> {
-    let instants = instants(row)?;
-    let (stream, bytes): (&str, &[u8]) = (row.try_get("stream")?, row.try_get("samples")?);
-    let rows = instants.len();
-    let rest = &bytes[rows * WORD..];
-    let columns_present = rest.len() / (rows * (WORD + 1)).max(1);
-    if rest.len() != columns_present * rows * (WORD + 1) || columns_present > columns {
-        return Err(corrupt("stream", stream, "a block has another length"));
-    }
-    let (values, classes) = rest.split_at(columns_present * rows * WORD);
-    let column = |place: usize| {
-        let (words, _) = values[place * rows * WORD..(place + 1) * rows * WORD].as_chunks();
-        let classes = classes[place * rows..(place + 1) * rows].iter();
-        Ok(RowColumn {
-            values: words.iter().map(|word| f64::from_le_bytes(*word)).collect(),
-            classes: classes
-                .map(|code| class(stream, *code))
-                .collect::<Result<_, _>>()?,
-        })
-    };
-    let read = Rows {
-        instants,
-        columns: (0..columns_present)
-            .map(column)
-            .collect::<Result<_, StoreError>>()?,
-    };
-    let places: Vec<usize> = (0..columns_present).collect();
+fn rows_of(row: &Row) -> Result<usize, StoreError> {
+    Ok(usize::try_from(row.try_get::<i64>("rows")?).unwrap_or_default())
+}
+
+/// The rows of a block or of its extremes. Signals that came after it was written have no samples in it.
+pub(super) fn decode(table: &Sealed, row: &Row, columns: usize) -> Result<Rows, StoreError> {
+    table.verify(row)?;
+    let read = coding::decode(row.try_get("samples")?, rows_of(row)?);
+    let read = read.and_then(|rows| match rows.columns.len() {
+        present if present <= columns => Ok(rows),
+        _ => Err("a block has more signals than its stream"),
+    });
+    let stream = || row.try_get("stream").unwrap_or("?");
+    let read = read.map_err(|why| corrupt("stream", stream(), why))?;
+    let places: Vec<usize> = (0..read.columns.len()).collect();
     Ok(read.spread(&places, columns))
 }
 
-fn class(stream: &str, code: u8) -> Result<Class, StoreError> {
-    let classes = [
-        Class::Good,
-        Class::Uncertain,
-        Class::Substituted,
-        Class::Bad,
-    ];
-    let class_of_code = classes.into_iter().find(|class| *class as u8 == code);
-    class_of_code.ok_or_else(|| corrupt("stream", stream, "a sample has no class"))
-}
-
-/// Writes what a stream is that has these blocks.
-pub(super) async fn note(
-    tx: &mut Tx,
-    row: &mut StreamRow,
-    blocks: &[Block],
-) -> Result<(), StoreError> {
-    let stamp = |ns| stamp(&row.name, ns);
-    row.first = blocks.first().map(|block| stamp(block.first)).transpose()?;
-    row.last = blocks.last().map(|block| stamp(block.last)).transpose()?;
-    row.samples = blocks.iter().map(|block| block.rows).sum();
-    row.bytes = blocks.iter().map(|block| block.bytes).sum();
-    put(tx, row).await
+/// Writes what a stream then is.
+async fn note(tx: &mut Tx, stream: &mut StreamRow) -> Result<(), StoreError> {
+    let oldest = find(tx, stream, Which::From(i64::MIN)).await?;
+    let newest = find(tx, stream, Which::Until(i64::MAX)).await?;
+    let stamp = |ns| stamp(&stream.name, ns);
+    stream.first = oldest.map(|block| stamp(block.first)).transpose()?;
+    stream.last = newest.map(|block| stamp(block.last)).transpose()?;
+    put(tx, stream).await
 }

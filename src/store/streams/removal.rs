@@ -23,9 +23,7 @@ pub(super) async fn remove(
     let Some(mut stream) = fetch(tx, &identity).await? else {
         return Ok(None);
     };
-    let removed = blocks::remove(tx, &stream, span).await?;
-    let left = blocks::all(tx, &identity).await?;
-    blocks::note(tx, &mut stream, &left).await?;
+    let removed = blocks::remove(tx, &mut stream, span).await?;
     tx.announce(Change::Stream);
     Ok(Some(Cleared { removed, stream }))
 }

@@ -12,6 +12,7 @@ mod full;
 mod growth;
 mod jobs;
 mod life;
+mod long_streams;
 mod nodes;
 mod retention;
 mod slices;

@@ -5,12 +5,12 @@ use greybox::recording::{Batch, Class, DoubleHour, QualityReport, RowColumn, Row
 use jiff::Timestamp;
 
 /// Nanoseconds in a second, and in an hour.
-const S: i64 = 1_000_000_000;
+pub(super) const S: i64 = 1_000_000_000;
 const HOUR: i64 = 3600 * S;
 /// When clocks were set back in Berlin: 2025-10-26T01:00:00Z, nanoseconds since 1970.
 const SET_BACK: i64 = 1_761_440_400 * S;
 
-fn new_batch(samples: impl Iterator<Item = (i64, f64)>, keep: Keep) -> NewBatch {
+pub(super) fn new_batch(samples: impl Iterator<Item = (i64, f64)>, keep: Keep) -> NewBatch {
     let (instants, values): (Vec<i64>, Vec<f64>) = samples.unzip();
     let signal = RowSignal {
         name: "position".to_owned(),
@@ -51,14 +51,14 @@ fn in_double_hour(minutes: std::ops::Range<i64>, value: f64) -> NewBatch {
     new
 }
 
-async fn append(store: &Store, new: NewBatch) -> Appended {
+pub(super) async fn append(store: &Store, new: NewBatch) -> Appended {
     match store.streams().append(new).await.expect("an append") {
         BatchOutcome::Stored(appended, _) => *appended,
         other => panic!("not stored: {other:?}"),
     }
 }
 
-async fn rows(store: &Store) -> Rows {
+pub(super) async fn rows(store: &Store) -> Rows {
     let stream = store.streams().find(&Project::default(), "rig-4").await;
     let stream = stream.expect("a read").expect("a stream");
     let rows = store.streams().rows(&stream, i64::MIN..i64::MAX, 1 << 20);
