@@ -25,7 +25,7 @@ use super::page::{Cursor, Page, PageParams};
 use super::query::{FromQuery, NoQuery, Params, QueryReader, one_of};
 use super::spreadsheet::inert_names;
 use crate::admission::Permit;
-use crate::store::{DatasetRemoval, DatasetRow, Datasets, NewDataset};
+use crate::store::{DatasetPart, DatasetRemoval, DatasetRow, Datasets, NewDataset};
 use greybox::identification::DatasetId;
 use greybox::identification::spec::MAX_NAME_CHARS;
 use greybox::intake::{self, Options};
@@ -412,10 +412,19 @@ pub async fn samples(
     headers: HeaderMap,
 ) -> Answer {
     let permit = bodies.work.recording_permit().await?;
-    let recording = bodies.datasets.recording(id).await?;
+    let wants_csv = prefers(&headers, "text/csv");
+    let part = DatasetPart {
+        signals: query.signals.clone(),
+        from: query.from,
+        to: query.to,
+    };
+    let recording = match wants_csv {
+        true => bodies.datasets.recording(id).await?,
+        false => bodies.datasets.with_part(id, part).await?,
+    };
     let recording = recording.ok_or_else(|| no_dataset(id))?;
     check_names(&recording, query.signals.as_deref())?;
-    if prefers(&headers, "text/csv") {
+    if wants_csv {
         return csv_answer(
             &bodies,
             csv(Arc::unwrap_or_clone(recording), query)?,

@@ -92,6 +92,13 @@ impl ModelLibrary {
         Ok(asked)
     }
 
+    /// The model of a document that was asked for, by its name.
+    pub(super) fn asked_model(&self, asked: &Asked, name: &str) -> Option<Arc<Model>> {
+        let mut models = self.catalogue.iter().chain(&asked.model);
+        let model = models.find(|model| model.description().name == name);
+        model.cloned()
+    }
+
     /// The descriptions that a document is read against.
     pub(super) fn descriptions<'a>(&'a self, asked: &'a Asked) -> Vec<&'a ModelDescription> {
         let models = self.catalogue.iter().chain(&asked.model);

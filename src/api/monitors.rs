@@ -1,12 +1,11 @@
 //! Monitors: jobs that are done again and again, on a window of a stream after the other.
 
+mod check;
 mod csv;
 pub mod events;
 pub mod moving;
 mod stored;
 mod waiting;
-
-use std::collections::HashMap;
 
 use axum::extract::State;
 use axum::http::{HeaderMap, HeaderName, HeaderValue, StatusCode, Uri, header};
@@ -26,13 +25,10 @@ use super::query::{FromQuery, NoQuery, Params, QueryReader};
 use super::submit;
 use crate::job::MonitorId;
 use crate::monitor::state::instant;
-use crate::monitor::{Alarm, JobTemplate, MonitorSpec, ShownWindow, State as MonitorState, warm};
-use crate::store::{MonitorRow, Monitors, NewMonitor, StreamRow, Streams};
-use greybox::identification::DatasetId;
-use greybox::identification::spec::Context;
+use crate::monitor::{Alarm, MonitorSpec, ShownWindow, State as MonitorState};
+use crate::store::{MonitorRow, Monitors, NewMonitor, Streams};
 use greybox::parsing::Fault;
-use greybox::recording::{RecordingSource, Summary};
-use stored::{clock_ns, monitor, no_monitor};
+use stored::{monitor, no_monitor};
 use waiting::WaitsFor;
 
 /// Windows that a monitor shows of itself, and alarms.
@@ -156,7 +152,7 @@ pub async fn create(
         let fault = Fault::new("/stream", "unknown_stream", detail);
         return Err(Problem::of_document(vec![fault]));
     };
-    check(&state, &mut spec, &stream, &client).await?;
+    check::check(&state, &mut spec, &stream, &client).await?;
     let from = spec.window.from.or(stream.first);
     let from = from.unwrap_or_else(Timestamp::now);
     let origin_ns = i64::try_from(from.as_nanosecond()).map_err(|_| {
@@ -193,102 +189,6 @@ fn created(row: MonitorRow, replayed: bool) -> Response {
         response.headers_mut().insert(name, said);
     }
     response
-}
-
-/// Reads the job against the newest window of the stream, or says everything that is wrong with it;
-/// puts the model's name in the place of a model.
-async fn check(
-    state: &ApiState,
-    spec: &mut MonitorSpec,
-    stream: &StreamRow,
-    client: &Client,
-) -> Answer<()> {
-    let below = |problem: Problem| problem.below("/job");
-    let asked = state
-        .library
-        .asked(spec.job.document(), client)
-        .await
-        .map_err(below)?;
-    spec.job = JobTemplate::new(asked.document.clone());
-    let dataset = DatasetId::new();
-    let summary = newest(state, stream, spec.window.length_s).await?;
-    let datasets = HashMap::from([(dataset, summary)]);
-    let context = Context {
-        models: state.library.descriptions(&asked),
-        datasets: &datasets,
-        max_duration_s: state.limits.max_duration_s,
-    };
-    let job = spec.job.job(dataset, &context);
-    let job = job.map_err(Problem::of_document).map_err(below)?;
-    let searched = warm::searched(&job);
-    let mut faults = Vec::new();
-    if searched.is_empty() {
-        let detail = "no parameter is looked for: there is nothing to watch";
-        faults.push(Fault::new("/job/parameters", "nothing_to_estimate", detail));
-    }
-    for name in spec
-        .drift
-        .keys()
-        .filter(|name| !searched.contains_key(*name))
-    {
-        let detail = format!("the job does not look for `{name}`");
-        let place = greybox::parsing::fault::pointer_to("/drift", name);
-        faults.push(Fault::new(place, "unknown_parameter", detail));
-    }
-    if let Some(only) = &spec.only_when
-        && !stream
-            .signals
-            .iter()
-            .any(|signal| signal.name == only.signal)
-    {
-        let detail = format!("the stream has no signal `{}`", only.signal);
-        faults.push(Fault::new("/only_when/signal", "unknown_signal", detail));
-    }
-    if !faults.is_empty() {
-        return Err(Problem::of_document(faults));
-    }
-    if let Some(new) = asked.new {
-        state.store.models().insert(new).await?;
-    }
-    Ok(())
-}
-
-/// What the newest window of a stream holds.
-async fn newest(state: &ApiState, stream: &StreamRow, length_s: f64) -> Answer<Summary> {
-    let now = clock_ns();
-    let reached = state.store.streams().last_instant(stream, now).await?;
-    let last = reached.unwrap_or(now);
-    let from = last.saturating_sub((length_s * 1e9) as i64);
-    let _permit = state.work.recording_permit().await?;
-    let most = crate::monitor::MAX_WINDOW_SAMPLES;
-    let too_many = || {
-        let detail = format!("a window would have more than {most} instants");
-        Problem::of_document(vec![Fault::new(
-            "/window/length_s",
-            "too_many_samples",
-            detail,
-        )])
-    };
-    let rows = state
-        .store
-        .streams()
-        .rows(stream, from..last.saturating_add(1), most)
-        .await?;
-    let rows = rows.ok_or_else(too_many)?;
-    let signals = stream.signals.clone();
-    let summary = state.work.convert(move || {
-        let recording = rows.into_recording(&signals, RecordingSource::default());
-        let recording = recording.ok_or_else(|| {
-            let detail = "the newest window of the stream has fewer than two samples";
-            Problem::of_document(vec![Fault::new(
-                "/window/length_s",
-                "too_few_samples",
-                detail,
-            )])
-        })?;
-        Ok(recording.summary())
-    });
-    summary.await
 }
 
 /// The page of a list.

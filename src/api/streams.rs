@@ -67,7 +67,7 @@ impl PathName for StreamName {
 #[into_params(parameter_in = Query)]
 pub struct KeepQuery {
     /// From now on, how long samples are kept before the newest one `[s]`; for ever until it is said.
-    /// Whole blocks of samples go, the oldest first, and the newest block always stays.
+    /// They go in stretches, the oldest first.
     #[param(exclusive_minimum = 0)]
     pub keep_s: Option<f64>,
     /// From now on, how much is kept `[MiB]`; 256 until it is said.

@@ -2,9 +2,12 @@
 //! its windows.
 
 pub mod detector;
+pub mod doubts;
+pub mod information;
 pub mod record;
 pub mod spec;
 pub mod state;
+pub mod stillness;
 pub mod template;
 pub mod warm;
 

@@ -99,6 +99,10 @@ pub struct WatchedEstimate {
     pub total_standard_error: Option<f64>,
     /// The range with all that was taken as known.
     pub total_interval: Option<TotalInterval>,
+    /// How far the parameter can be trusted; absent where that was not judged for it alone.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    #[schema(nullable = false)]
+    pub trust: Option<Trust>,
 }
 
 impl WatchedEstimate {
@@ -116,6 +120,7 @@ impl WatchedEstimate {
                 confidence_interval: parameter.estimate.confidence_interval.clone(),
                 total_standard_error: parameter.estimate.total_standard_error,
                 total_interval: parameter.estimate.total_interval,
+                trust: parameter.estimate.trust,
             })
             .collect()
     }
@@ -150,7 +155,7 @@ pub struct Alarm {
 pub enum AlarmKind {
     /// A parameter has changed by more than its intervals allow.
     Change,
-    /// Estimates can be trusted less than before: low trust, or less in two windows in a row.
+    /// Estimates can be trusted less than before, in so many windows in a row that chance is no reason.
     TrustFell,
     /// Windows no longer come to an estimate.
     NoEstimate,

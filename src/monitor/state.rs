@@ -6,6 +6,7 @@ use jiff::Timestamp;
 use serde::{Deserialize, Serialize};
 
 use super::detector::{Change, Detector, DetectorPoint, Thresholds};
+use super::doubts::Doubts;
 use super::record::{
     Alarm, AlarmKind, MonitorWindow, ParameterChange, Start, WatchedEstimate, WindowStatus,
 };
@@ -31,10 +32,14 @@ pub struct State {
     /// When the last window that was estimated began, and what is known since.
     #[serde(default)]
     pub known: Option<(i64, JointEstimate)>,
+    /// What was left of each output in the last window that was estimated, SI (root mean square).
+    #[serde(default)]
+    pub left: BTreeMap<String, f64>,
     /// How far estimates can be trusted.
     pub trust: Option<Trust>,
-    /// Whether the last estimate could be trusted less than that.
-    pub doubted: bool,
+    /// How often estimates could be trusted less than that.
+    #[serde(default)]
+    pub doubts: Doubts,
     /// Whether the last window that was worked came to no estimate.
     pub failing: bool,
     /// The window that is worked.
@@ -74,8 +79,9 @@ impl State {
             next: 0,
             ranges: BTreeMap::new(),
             known: None,
+            left: BTreeMap::new(),
             trust: None,
-            doubted: false,
+            doubts: Doubts::default(),
             failing: false,
             worked: None,
             detectors: BTreeMap::new(),
@@ -169,6 +175,14 @@ impl State {
         moves
     }
 
+    /// Ends the window that is worked as one that says nothing; says what is shown of it.
+    pub fn quiet(&mut self, plan: &WindowPlan, reason: String) -> MonitorWindow {
+        let mut window = self.window(plan, WindowStatus::Quiet);
+        window.start = self.worked.take().map(|worked| worked.start);
+        window.reason = Some(reason);
+        window
+    }
+
     /// Takes the result of the window that is worked; says what is shown of it and what somebody
     /// should look at.
     pub fn take(
@@ -194,24 +208,28 @@ impl State {
                 alarms.push(self.alarm_of_change(spec, &changed, now));
             }
             self.known = Some((self.span(&spec.window).0, estimated(ErrorScope::Total)));
+            let fits = outcome.fit.estimation.iter();
+            self.left = fits
+                .filter_map(|(output, fit)| Some((output.clone(), fit.rmse?)))
+                .collect();
         }
-        alarms.extend(self.trusted(&window, outcome.verdict.trust, now));
+        alarms.extend(self.trusted(spec, &window, outcome.verdict.trust, now));
         self.failing = false;
         (window, alarms)
     }
 
-    /// Looks at how far an estimate can be trusted; says whether that has fallen: to low trust, or in two
-    /// windows in a row, for one in a hundred is doubted by chance.
-    fn trusted(&mut self, window: &MonitorWindow, trust: Trust, now: Timestamp) -> Option<Alarm> {
-        let before = self.trust.unwrap_or(trust);
-        let fell = trust < before;
-        if fell && trust > Trust::Low && !self.doubted {
-            self.doubted = true;
-            return None;
-        }
-        self.doubted = false;
-        self.trust = Some(trust);
-        fell.then(|| Alarm {
+    /// Looks at how far an estimate can be trusted; says whether that has fallen.
+    fn trusted(
+        &mut self,
+        spec: &MonitorSpec,
+        window: &MonitorWindow,
+        trust: Trust,
+        now: Timestamp,
+    ) -> Option<Alarm> {
+        let usual = self.trust.unwrap_or(trust);
+        let has_fallen = self.doubts.take(trust, usual, spec.alarms.false_alarm_rate);
+        self.trust = Some(if has_fallen { trust } else { usual.max(trust) });
+        has_fallen.then(|| Alarm {
             id: 0,
             kind: AlarmKind::TrustFell,
             raised_at: now,
@@ -220,7 +238,7 @@ impl State {
             detail: format!(
                 "estimates can be trusted less than before: {}, it was {}",
                 trust.name(),
-                before.name()
+                usual.name()
             ),
         })
     }
@@ -238,6 +256,10 @@ impl State {
         let thresholds = Thresholds::of_rate(rate);
         let mut changes = Vec::new();
         for parameter in &window.parameters {
+            // What cannot be trusted says nothing of a change.
+            if parameter.trust.or(window.trust) == Some(Trust::Low) {
+                continue;
+            }
             let Some((value, variance)) = alone.of(&parameter.name) else {
                 continue;
             };
@@ -397,26 +419,6 @@ mod tests {
             state.next = 5_260_320;
             state.move_to(&PLAN, instant(seconds(from)));
             assert_eq!(state.next, next, "from {from} s");
-        }
-    }
-
-    #[test]
-    fn trust_that_falls_once_is_chance_and_twice_is_told() {
-        let mut state = State::new(0);
-        let window = state.window(&PLAN, WindowStatus::Estimated);
-        let now = instant(0);
-        let trusts = [
-            (Trust::High, false),
-            (Trust::Moderate, false),
-            (Trust::High, false),
-            (Trust::Moderate, false),
-            (Trust::Moderate, true),
-            (Trust::Moderate, false),
-            (Trust::Low, true),
-            (Trust::Low, false),
-        ];
-        for (trust, is_told) in trusts {
-            assert_eq!(state.trusted(&window, trust, now).is_some(), is_told);
         }
     }
 

@@ -366,6 +366,7 @@ mod tests {
             confidence_interval: None,
             total_standard_error: None,
             total_interval: None,
+            trust: None,
         }
     }
 

@@ -5,6 +5,7 @@
 
 mod chunks;
 mod insertion;
+mod part;
 mod row;
 
 use std::io;
@@ -24,6 +25,7 @@ use greybox::identification::{DatasetId, JobId};
 use greybox::recording::{NewScratch, Recording, TimeAxis};
 
 pub(super) use insertion::{Turn, insert_as, remove_abandoned};
+pub use part::DatasetPart;
 pub use row::{DatasetRow, NewDataset};
 use row::{Description, SELECT, read};
 

@@ -72,7 +72,7 @@ pub use comparisons::{ComparisonRow, ComparisonSummary, Comparisons, NewComparis
 pub use control::Control;
 pub use damage::{Damage, DamageMet};
 pub use database::sqlite::schema_version;
-pub use datasets::{DatasetRemoval, DatasetRow, Datasets, NewDataset};
+pub use datasets::{DatasetPart, DatasetRemoval, DatasetRow, Datasets, NewDataset};
 pub use deliveries::{Attempt, Deliveries, DeliveryRow, DeliveryState};
 pub use error::{Meaning, QuotaExceeded, StoreError};
 pub use events::{JobEvents, StoredEvent};

@@ -41,6 +41,11 @@ impl RecordingCache {
         )))
     }
 
+    /// Whether a recording of so many series of samples, its time among them, can be kept.
+    pub(super) fn may_keep(samples: usize, series: usize) -> bool {
+        (samples * series * size_of::<f64>()) as u64 <= LIMIT
+    }
+
     /// The recording, if it is kept.
     pub(super) fn get(&self, id: DatasetId) -> Option<Arc<Recording>> {
         self.0.get(&id)

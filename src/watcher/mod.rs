@@ -11,6 +11,7 @@
 //! stream: equal samples make equal windows, whenever they come. Only that data have stopped is
 //! told by the clock.
 
+mod signals;
 mod step;
 
 use std::sync::Arc;

@@ -2,20 +2,25 @@
 
 use std::collections::{BTreeMap, HashMap};
 use std::sync::Arc;
+use std::sync::atomic::AtomicBool;
 
 use jiff::Timestamp;
 
+use super::signals::{inputs, outputs};
 use crate::job::{JobTask, Status};
 use crate::monitor::MAX_WINDOW_SAMPLES;
+use crate::monitor::information;
 use crate::monitor::record::{Alarm, Start, WindowStatus};
 use crate::monitor::spec::MonitorSpec;
 use crate::monitor::state::{State, Worked, instant, silence};
+use crate::monitor::stillness::stands_still;
 use crate::monitor::template::WindowLabel;
 use crate::monitor::warm::{self, JointEstimate};
 use crate::store::{
     Advance, AdvanceWindow, JobRow, MonitorRow, NewDataset, NewJob, NewWindowJob, Store,
     StoreError, StreamRow,
 };
+use greybox::identification::assemble;
 use greybox::identification::outcome::Outcome;
 use greybox::identification::spec::{Context, SearchRange};
 use greybox::identification::{DatasetId, JobId, JobSpec};
@@ -278,6 +283,13 @@ impl MonitorStep {
         advance
     }
 
+    /// The step that ends a window which says nothing.
+    fn is_quiet(mut self, reason: String) -> Advance {
+        let window = self.state.quiet(&self.spec.window, reason);
+        self.state.go_on(&self.spec.window, None);
+        self.advance(Some(window.into()), Vec::new())
+    }
+
     /// The step that ends a window without an estimate.
     fn fails(mut self, reason: String) -> Advance {
         let (window, alarms) = self.state.fail(&self.spec, reason, self.now);
@@ -287,6 +299,9 @@ impl MonitorStep {
 
     /// The step that ends a window with one.
     fn takes(mut self, outcome: &Outcome) -> Advance {
+        if self.state.known.is_none() && information::says_nothing(outcome) {
+            return self.is_quiet("it fixed no parameter to within half its value".to_owned());
+        }
         let (window, alarms) = self.state.take(&self.spec, outcome, self.now);
         self.state.go_on(&self.spec.window, None);
         self.advance(Some(window.into()), alarms)
@@ -359,7 +374,6 @@ impl MonitorStep {
 
     /// Cuts the window out of its stream, and has a job work it where something moves in it.
     fn cut(mut self, rows: Rows, catalogue: &Catalogue, model: Option<Arc<Model>>) -> Advance {
-        let plan = self.spec.window;
         let signals = self.stream.signals.clone();
         let id = DatasetId::new();
         let (recording, digest) = self.recording(&signals, &rows);
@@ -378,14 +392,28 @@ impl MonitorStep {
             None => inputs(&job, &window.models),
         };
         let movement = self.spec.movement();
-        if !self.state.moves(&signals, &rows, &movers, movement) {
-            let mut shown = self.state.window(&plan, WindowStatus::Quiet);
-            shown.reason = Some(format!("{} did not move", movers.join(", ")));
-            self.state.go_on(&plan, None);
-            return self.advance(Some(shown.into()), Vec::new());
-        }
+        let moves = self.state.moves(&signals, &rows, &movers, movement);
         let ranges = warm::searched(&job);
         let (start, job) = self.warm(&window, job);
+        let ahead = (start == Start::Warm && self.spec.only_when.is_none())
+            .then(|| self.informs(&job, &recording, catalogue, model.as_ref()))
+            .flatten();
+        let quiet = match ahead {
+            Some(true) => None,
+            Some(false) => Some("it would fix no parameter to within half its value".to_owned()),
+            None => (!moves).then(|| format!("{} did not move", movers.join(", "))),
+        };
+        if let Some(reason) = quiet {
+            return self.is_quiet(reason);
+        }
+        let still = outputs(&job, &window.models).into_iter().find(|output| {
+            let column = signals.iter().position(|signal| signal.name == *output);
+            column.is_some_and(|column| stands_still(&rows.columns[column].values))
+        });
+        if let Some(still) = still {
+            let reason = format!("`{still}` stood still while {} moved", movers.join(", "));
+            return self.fails(reason);
+        }
         let dataset = NewDataset {
             project: self.row.project.clone(),
             name: recording.name.clone(),
@@ -395,6 +423,21 @@ impl MonitorStep {
         };
         let new = self.new_job(job, Some((id, dataset)));
         self.works(start, ranges, new)
+    }
+
+    /// Whether the window could fix a parameter well enough to be used, by what drives the plant in it and what is
+    /// known of the plant; nothing where that cannot be told.
+    fn informs(
+        &self,
+        warm: &JobSpec,
+        recording: &Recording,
+        catalogue: &Catalogue,
+        model: Option<&Arc<Model>>,
+    ) -> Option<bool> {
+        let ahead = information::looking_ahead(warm, &self.state.left);
+        let model = catalogue.get(&ahead.model).or(model)?;
+        let assembly = assemble::problem(&ahead, model, &[recording]).ok()?;
+        assemble::informs(&assembly.problem, &AtomicBool::new(false))
     }
 
     /// The window as a recording, and what it is known by: two monitors do not share one.
@@ -443,22 +486,4 @@ impl MonitorStep {
             Err(_) => (Start::Cold, cold),
         }
     }
-}
-
-/// The recorded signals that a job takes for inputs of its model.
-fn inputs(job: &JobSpec, models: &[&greybox::model::ModelDescription]) -> Vec<String> {
-    let model = models.iter().find(|model| model.name == job.model);
-    let names = model
-        .into_iter()
-        .flat_map(|model| model.input_sets.iter().flatten());
-    let signals = job
-        .experiments
-        .first()
-        .map(|experiment| &experiment.signals);
-    let mut recorded: Vec<String> = names
-        .filter_map(|name| signals?.get(&**name).cloned())
-        .collect();
-    recorded.sort();
-    recorded.dedup();
-    recorded
 }

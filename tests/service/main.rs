@@ -38,6 +38,7 @@ mod simulations;
 
 mod models;
 
+mod monitor_windows;
 mod monitors;
 
 mod older;

@@ -152,7 +152,7 @@ async fn what_is_wrong_with_a_batch_is_told() {
 #[tokio::test(flavor = "multi_thread")]
 async fn a_stream_keeps_what_it_is_told_to_keep() {
     let app = TestApp::taking_mib(8).await;
-    // Two blocks of some 16 000 samples each, a second apart.
+    // A block of samples that are a second apart.
     let values: Vec<u32> = (0..40_000).collect();
     let body = |start: &str, values: &[u32]| {
         json!({"start": start, "sample_time_s": 1,
@@ -163,7 +163,7 @@ async fn a_stream_keeps_what_it_is_told_to_keep() {
     let told = told.expect(201).json();
     let (kept, removed) = (&told["stream"]["samples"], &told["removed"]);
     assert_eq!(kept.as_u64().unwrap() + removed.as_u64().unwrap(), 40_000);
-    // Whole blocks go: no more than is asked for, and all but a block of it.
+    // No fewer than is asked for, and not many more.
     let kept = kept.as_u64().unwrap();
     assert!(
         (20_000..20_000 + (1 << 15)).contains(&kept) && kept < 40_000,

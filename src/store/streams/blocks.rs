@@ -11,7 +11,10 @@ use crate::store::{StoreError, corrupt};
 use greybox::recording::{Merged, Rows};
 
 /// Values in a block at the most, all signals together.
-const BLOCK_VALUES: usize = 1 << 15;
+const BLOCK_VALUES: usize = 1 << 17;
+/// Samples that come after all others begin a block of their own where the last block has this share of the rows of
+/// a full one, so that a sample costs no more than a small block. Small blocks become a full one together.
+const SMALL_BLOCK: usize = 16;
 /// Rows that the extremes of a block have at the most, where the block has not more signals than that.
 pub(super) const EXTREMES_ROWS: usize = 64;
 
@@ -163,8 +166,9 @@ pub(super) async fn remove(
         && block.first < span.to
     {
         let rows = take(tx, stream, &block).await?;
-        insert(tx, stream, &rows.within(i64::MIN, span.from)).await?;
-        insert(tx, stream, &rows.within(span.to, i64::MAX)).await?;
+        let place = |bound| rows.instants.partition_point(|instant| *instant < bound);
+        insert(tx, stream, &rows, 0..place(span.from)).await?;
+        insert(tx, stream, &rows, place(span.to)..rows.rows()).await?;
         rest.from = block.last.saturating_add(1);
     }
     note(tx, stream).await?;
@@ -179,7 +183,8 @@ pub(super) struct Kept {
     pub(super) bytes: u64,
 }
 
-/// Removes the oldest blocks that are not to be kept; the newest block stays. Says how many rows went.
+/// Removes the oldest blocks that are not to be kept, and of the block that is kept in part what is older, where that
+/// is more than a small part of it; of the newest block room takes nothing. Says how many rows went.
 pub(super) async fn keep(
     tx: &mut Tx,
     stream: &mut StreamRow,
@@ -202,8 +207,22 @@ pub(super) async fn keep(
             .await?;
         forget(stream, &oldest);
     }
-    note(tx, stream).await?;
+    if let Some(oldest) = find(tx, stream, Which::From(i64::MIN)).await?
+        && is_mostly_kept(&oldest, kept.from)
+    {
+        note(tx, stream).await?;
+    } else {
+        let older = Span::from(i64::MIN..kept.from);
+        remove(tx, stream, older).await?;
+    }
     Ok(before - stream.samples)
+}
+
+/// Whether what is older than an instant is a small part of the time of a block: it goes with more.
+fn is_mostly_kept(block: &Block, from: i64) -> bool {
+    let length = i128::from(block.last) - i128::from(block.first);
+    let older = i128::from(from) - i128::from(block.first);
+    older * SMALL_BLOCK as i128 <= length
 }
 
 /// Which block of a stream is looked for.
@@ -283,21 +302,51 @@ pub(super) async fn merge(
             rows.instants
                 .partition_point(|instant| *instant < next.first)
         });
-        let part = rows.slice(begin..end);
-        match block.filter(|block| !is_full_and_earlier(block, stream, instant)) {
+        match block.filter(|block| !begins_another(block, stream, instant)) {
             Some(block) => {
+                let part = rows.slice(begin..end);
                 let (all, told) = take(tx, stream, &block).await?.merge(&part);
                 merged += told;
-                insert(tx, stream, &all).await?;
+                insert(tx, stream, &all, 0..all.rows()).await?;
             }
             None => {
-                merged.added += part.rows() as u64;
-                insert(tx, stream, &part).await?;
+                merged.added += (end - begin) as u64;
+                insert(tx, stream, rows, begin..end).await?;
             }
         }
         begin = end;
     }
+    join_small_blocks(tx, stream).await?;
     Ok(merged)
+}
+
+/// Makes a full block of the last ones, where they are small and have enough rows together.
+async fn join_small_blocks(tx: &mut Tx, stream: &mut StreamRow) -> Result<(), StoreError> {
+    let newest = database::query(
+        "select first_ns, rows from stream_blocks where stream = $1 order by first_ns desc limit $2",
+    )
+    .bind(stream.identity())
+    .bind(2 * SMALL_BLOCK as i64)
+    .fetch_all(&mut **tx)
+    .await?;
+    let full = rows_of_a_block(stream) as u64;
+    let (mut small_from, mut rows) = (None, 0);
+    for block in &newest {
+        let rows_of_block = block.try_get::<i64>("rows")?.unsigned_abs();
+        if rows_of_block >= full {
+            break;
+        }
+        rows += rows_of_block;
+        small_from = Some(block.try_get("first_ns")?);
+    }
+    let Some(from) = small_from.filter(|_| rows >= full) else {
+        return Ok(());
+    };
+    let mut joined = Rows::of_columns(stream.signals.len());
+    while let Some(block) = find(tx, stream, Which::From(from)).await? {
+        joined.append(take(tx, stream, &block).await?);
+    }
+    insert(tx, stream, &joined, 0..joined.rows()).await
 }
 
 /// The rows that a block of a stream holds at the most.
@@ -306,8 +355,9 @@ fn rows_of_a_block(stream: &StreamRow) -> usize {
 }
 
 /// Whether rows from an instant on had better begin a block of their own.
-fn is_full_and_earlier(block: &Block, stream: &StreamRow, instant: i64) -> bool {
-    block.last < instant && block.rows >= rows_of_a_block(stream) as u64
+fn begins_another(block: &Block, stream: &StreamRow, instant: i64) -> bool {
+    let small = (rows_of_a_block(stream) / SMALL_BLOCK).max(1) as u64;
+    block.last < instant && block.rows >= small
 }
 
 /// Takes a block out.
@@ -330,14 +380,17 @@ fn forget(stream: &mut StreamRow, block: &Block) {
     stream.bytes = stream.bytes.saturating_sub(block.bytes);
 }
 
-/// Puts rows in, cut into blocks.
-async fn insert(tx: &mut Tx, stream: &mut StreamRow, rows: &Rows) -> Result<(), StoreError> {
+/// Puts some of the rows in, cut into blocks.
+async fn insert(
+    tx: &mut Tx,
+    stream: &mut StreamRow,
+    rows: &Rows,
+    range: Range<usize>,
+) -> Result<(), StoreError> {
     let identity = stream.identity();
     let most = rows_of_a_block(stream);
-    let mut begin = 0;
-    while begin < rows.rows() {
-        let block = rows.slice(begin..(begin + most).min(rows.rows()));
-        begin += block.rows();
+    for begin in range.clone().step_by(most) {
+        let block = rows.slice(begin..(begin + most).min(range.end));
         stream.samples += block.rows() as u64;
         stream.bytes += insert_block(tx, &identity, &block).await?;
         // A plot of a block that is hardly longer than its extremes reads the block.

@@ -175,6 +175,25 @@ async fn a_recording_of_many_chunks_comes_back_whole_from_memory_and_from_the_sc
         for (back, stored) in back.signals.iter().zip(&in_memory.signals) {
             assert!(back.values == stored.values, "{}", back.name);
         }
+        let name = in_memory.signals[0].name.clone();
+        // Across the border of two chunks, and from before the first sample up to it.
+        for (from, to) in [(13_000.05, 13_200.0), (-5.0, 0.0), (0.0, 1e9), (1e8, 1e9)] {
+            let wanted = DatasetPart {
+                signals: Some(vec![name.clone(), "nothing".to_owned()]),
+                from: Some(from),
+                to: Some(to),
+            };
+            let part = fixture.store.datasets().part(row.id, wanted).await;
+            let part = part.expect("a read").expect("a recording");
+            let range = in_memory.time.between(Some(from), Some(to));
+            let instants = range.clone().map(|sample| in_memory.time.instant(sample));
+            assert_eq!(part.time, TimeAxis::Instants(instants.collect()));
+            assert_eq!(part.signals.len(), 1);
+            assert!(
+                part.signals[0].values == in_memory.signals[0].values[range],
+                "{from}"
+            );
+        }
     }
 }
 

@@ -74,6 +74,12 @@ impl Coordinate {
         self.scale.value(position, self.lower, self.upper)
     }
 
+    /// Whether the unknown is where a state starts in an experiment.
+    #[must_use]
+    pub fn is_start(&self) -> bool {
+        matches!(self.target, Target::InitialState { .. })
+    }
+
     /// The position at which the job has a descent begin; none where it says nothing.
     #[must_use]
     pub fn start_position(&self) -> Option<f64> {

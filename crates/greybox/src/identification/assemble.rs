@@ -17,6 +17,7 @@ mod posterior;
 mod preflight;
 mod priors;
 mod process_noise;
+mod start;
 mod tolerances;
 mod trajectory;
 
@@ -27,7 +28,8 @@ pub use design::{Assessments, COST_OF_JOB, Designing, PastResult, check_design, 
 pub use disturbance::{
     DatedEvent, DisturbancePath, ExperimentDisturbances, NamedPath, OutputInnovations, disturbances,
 };
-pub use forecast::{Identifiability, Prediction, flat_directions, forecast, unseen};
+pub use forecast::{Identifiability, Prediction, flat_directions, forecast, informs, unseen};
 pub use outcome::{Origin, outcome};
 pub use preflight::{Preflight, findings, preflight};
+pub use start::{StartsElsewhere, starts_elsewhere};
 pub use trajectory::{ExperimentTrajectory, OutputTrajectory, trajectory};

@@ -8,7 +8,7 @@
 
 use super::joint::{Joint, LARGEST_SCORE};
 use super::weighing::{Seen, Weighing};
-use crate::estimation::problem::{Problem, Target};
+use crate::estimation::problem::Problem;
 use crate::estimation::sensitivity::{Neighbourhood, Row};
 use greybox_simulation::SimulationFailure;
 
@@ -78,7 +78,7 @@ pub fn of(
     let unknowns = problem.coordinates.len();
     let coordinates = problem.coordinates.iter().enumerate();
     let tested: Vec<(usize, Change)> = coordinates
-        .filter(|(_, coordinate)| !matches!(coordinate.target, Target::InitialState { .. }))
+        .filter(|(_, coordinate)| !coordinate.is_start())
         .flat_map(|(index, _)| CHANGES.map(|change| (index, change)))
         .collect();
     let columns = |row: &Row<'_>| -> Vec<f64> {

@@ -16,8 +16,9 @@ pub use direction::FlatDirection;
 
 use super::budget::{Budget, Extended};
 use super::probes;
+use super::rules::is_too_wide;
 use crate::estimation::feasible;
-use crate::estimation::problem::Problem;
+use crate::estimation::problem::{Coordinate, Problem};
 use crate::estimation::sensitivity::{self, SensitivityError, Sides};
 use direction::Direction;
 use greybox_numerics::least_squares::RowGatherer;
@@ -128,6 +129,56 @@ pub fn forecast(problem: &Problem, accuracy: Accuracy, stop: &AtomicBool) -> Opt
             .map(|direction| direction.named(problem))
             .collect(),
     })
+}
+
+/// Whether the data could fix a parameter so well that it is not too wide to be used, with the states at the start
+/// where the data want them and the other unknowns at `positions`.
+///
+/// # Errors
+/// When the stop flag was raised, or the simulation failed.
+pub fn fixes_some(
+    problem: &Problem,
+    positions: &[f64],
+    stop: &AtomicBool,
+) -> Result<bool, SensitivityError> {
+    let view = View {
+        problem,
+        weights: &weights(problem),
+        accuracy: Accuracy::Full,
+        stop,
+    };
+    let positions = started(&view, positions)?;
+    let deviations = deviations(&information(&view, &positions)?);
+    let mut coordinates = problem.coordinates.iter().zip(positions).zip(deviations);
+    Ok(coordinates.any(|((coordinate, position), deviation)| {
+        let error = deviation * coordinate.slope(position).abs();
+        let value = coordinate.value(position);
+        !coordinate.is_start() && !is_too_wide(coordinate, value, error)
+    }))
+}
+
+/// Positions with the states at the start where the data want them by the linearised model.
+fn started(view: &View<'_>, positions: &[f64]) -> Result<Vec<f64>, SensitivityError> {
+    let coordinates = view.problem.coordinates.iter();
+    let starts: Vec<bool> = coordinates.map(Coordinate::is_start).collect();
+    if !starts.contains(&true) {
+        return Ok(positions.to_vec());
+    }
+    let mut rows = RowGatherer::new(positions.len());
+    sensitivity::visit_rows(view.problem, positions, view.accuracy, view.stop, |row| {
+        let weight = view.weights[row.output];
+        let slopes = row.derivatives.iter().map(|derivative| derivative * weight);
+        rows.add(slopes, row.residual * weight);
+    })?;
+    let step = rows.finish().damped_step(0.0, &starts);
+    let step = step.map_or_else(
+        || vec![0.0; positions.len()],
+        |step| step.as_slice().to_vec(),
+    );
+    let moved = positions.iter().zip(step);
+    Ok(moved
+        .map(|(position, step)| (position + step).clamp(0.0, 1.0))
+        .collect())
 }
 
 /// What the data do not see at a single point, where the triangle of the weighted derivatives is

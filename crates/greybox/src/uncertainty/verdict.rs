@@ -10,7 +10,7 @@ mod rule;
 
 pub use rule::{Rule, RuleEntry};
 
-use crate::estimation::problem::{Coordinate, Problem, Target};
+use crate::estimation::problem::{Coordinate, Problem};
 use serde::{Deserialize, Serialize};
 use utoipa::ToSchema;
 
@@ -202,7 +202,7 @@ impl Judgement {
 }
 
 fn is_parameter(coordinate: &Coordinate) -> bool {
-    !matches!(coordinate.target, Target::InitialState { .. })
+    !coordinate.is_start()
 }
 
 /// One sentence of which parameters can be trusted how far.

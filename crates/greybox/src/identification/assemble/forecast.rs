@@ -98,6 +98,14 @@ pub fn forecast(
     }
 }
 
+/// Whether the data of a problem could fix one of its parameters at the least so well that it is not too wide to be
+/// used, in the middle of the ranges. Nothing where that cannot be simulated, or `stop` was raised.
+#[must_use]
+pub fn informs(problem: &Problem, stop: &AtomicBool) -> Option<bool> {
+    let middle = vec![0.5; problem.coordinates.len()];
+    identifiability::fixes_some(problem, &middle, stop).ok()
+}
+
 /// Nobody looked ahead, and why.
 fn unchecked(findings: &mut Vec<Finding>, detail: &str) -> Identifiability {
     findings.push(Finding::new(

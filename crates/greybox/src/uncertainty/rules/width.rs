@@ -4,7 +4,7 @@
 //! the interval holds says nothing: totals of the servo are 5 to 23 times as wide as those of noise.
 
 use super::{Case, short};
-use crate::estimation::problem::{Coordinate, Target};
+use crate::estimation::problem::Coordinate;
 use crate::uncertainty::budget::{BETTER, Line};
 use crate::uncertainty::covariance::NORMAL_95;
 use crate::uncertainty::verdict::{Doubt, Rule, Subject, Trust};
@@ -56,12 +56,10 @@ impl Case<'_> {
         let total = total.unwrap_or(noise);
         let is_assumed = total > std::f64::consts::SQRT_2 * noise;
         let slope = coordinate.slope(self.report.positions[index]).abs();
-        let measure = magnitude(coordinate, self.report.values[index]);
-        let share = total * slope / measure.max(f64::MIN_POSITIVE);
-        let is_start = matches!(coordinate.target, Target::InitialState { .. });
+        let share = share_of_magnitude(coordinate, self.report.values[index], total * slope);
         let trust = if 2.0 * NORMAL_95 * total >= 1.0 {
             Trust::Low
-        } else if is_start {
+        } else if coordinate.is_start() {
             // Where the record starts is not what a job is for.
             Trust::High
         } else if share > LOW_SHARE {
@@ -149,6 +147,17 @@ impl Case<'_> {
             false => size,
         }
     }
+}
+
+/// An error of a value as a share of what it is measured by.
+fn share_of_magnitude(coordinate: &Coordinate, value: f64, error: f64) -> f64 {
+    error / magnitude(coordinate, value).max(f64::MIN_POSITIVE)
+}
+
+/// Whether an error alone makes a value one that cannot be trusted.
+pub(in crate::uncertainty) fn is_too_wide(coordinate: &Coordinate, value: f64, error: f64) -> bool {
+    let share = share_of_magnitude(coordinate, value, error);
+    share.is_nan() || share > LOW_SHARE
 }
 
 /// What the error of a value is measured by: its magnitude, or a share of the search range where the

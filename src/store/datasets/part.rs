@@ -1,0 +1,161 @@
+//! A part of a recording that is too large to be kept in memory: some of its signals, between two instants.
+
+use std::ops::Range;
+use std::sync::Arc;
+
+use super::row::{Description, SELECT};
+use super::{Datasets, decode};
+use crate::store::columns::from_json;
+use crate::store::database::{self, Connection, QueryBuilder};
+use crate::store::recordings::RecordingCache;
+use crate::store::sealed::{DATASET_CHUNKS, DATASETS};
+use crate::store::{StoreError, corrupt};
+use greybox::identification::DatasetId;
+use greybox::recording::{Recording, TimeAxis};
+
+/// Bytes of a sample.
+const SAMPLE_BYTES: usize = size_of::<f64>();
+
+/// Which samples of a recording are wanted.
+#[derive(Clone, Debug, Default)]
+pub struct DatasetPart {
+    /// The names of the signals; all where none are given.
+    pub signals: Option<Vec<String>>,
+    /// From this time on, seconds from the first sample.
+    pub from: Option<f64>,
+    /// Up to and with this time, seconds from the first sample.
+    pub to: Option<f64>,
+}
+
+impl Datasets {
+    /// A recording with the wanted samples and their instants: as a whole where it is small enough to be kept in
+    /// memory, else no more than the part.
+    pub async fn with_part(
+        &self,
+        id: DatasetId,
+        wanted: DatasetPart,
+    ) -> Result<Option<Arc<Recording>>, StoreError> {
+        let row = self.find(id).await?;
+        let is_large = row.is_some_and(|row| {
+            let series = row.summary.signals.len() + 1;
+            !RecordingCache::may_keep(row.summary.samples, series)
+        });
+        if is_large {
+            return Ok(self.part(id, wanted).await?.map(Arc::new));
+        }
+        self.recording(id).await
+    }
+
+    /// A part of a recording, each sample at the instant that it has in the whole. Only chunks that hold wanted
+    /// samples are read. Names that the recording does not have are left out, and how good samples are.
+    pub(in crate::store) async fn part(
+        &self,
+        id: DatasetId,
+        wanted: DatasetPart,
+    ) -> Result<Option<Recording>, StoreError> {
+        let key = id.to_string();
+        let mut transaction = self.database.readers.begin_read().await?;
+        let mut query = QueryBuilder::new(SELECT);
+        query.push(" where id = ").push_bind(&key);
+        let stored = query.build().fetch_optional(&mut transaction).await?;
+        let Some(stored) = stored else {
+            return Ok(None);
+        };
+        DATASETS.verify(&stored)?;
+        let description: Description =
+            from_json("description", &key, stored.try_get("description")?)?;
+        let of_recording = SeriesOf {
+            dataset: &key,
+            samples: description.samples,
+        };
+        let time = match description.sample_time {
+            Some(sample_time) => TimeAxis::Uniform {
+                sample_time,
+                samples: description.samples,
+            },
+            None => {
+                let all = 0..description.samples;
+                TimeAxis::Instants(of_recording.read(&mut transaction, 0, all).await?)
+            }
+        };
+        let range = time.between(wanted.from, wanted.to);
+        let is_wanted = |name: &String| {
+            wanted
+                .signals
+                .as_ref()
+                .is_none_or(|names| names.contains(name))
+        };
+        let mut signals = Vec::new();
+        for (place, mut signal) in description.signals.into_iter().enumerate() {
+            if is_wanted(&signal.name) {
+                signal.classes.clear();
+                let position = place as i64 + 1;
+                let values = of_recording.read(&mut transaction, position, range.clone());
+                signals.push(signal.with_values(values.await?));
+            }
+        }
+        let instants = range.map(|sample| time.instant(sample)).collect();
+        Ok(Some(Recording::new(TimeAxis::Instants(instants), signals)))
+    }
+}
+
+/// The series of a recording.
+struct SeriesOf<'a> {
+    dataset: &'a str,
+    /// How many samples each series has.
+    samples: usize,
+}
+
+impl SeriesOf<'_> {
+    /// The samples of a series in a range.
+    async fn read(
+        &self,
+        connection: &mut Connection,
+        position: i64,
+        range: Range<usize>,
+    ) -> Result<Vec<f64>, StoreError> {
+        let sizes = database::query(
+            "select chunk, cast(length(samples) as bigint) as bytes from dataset_chunks \
+             where dataset = $1 and position = $2 order by chunk",
+        );
+        let sizes = sizes.bind(self.dataset).bind(position);
+        let sizes = sizes.fetch_all(&mut *connection).await?;
+        let mut values = Vec::with_capacity(range.len());
+        let mut begin = 0;
+        for size in &sizes {
+            let bytes: i64 = size.try_get("bytes")?;
+            let end = begin + usize::try_from(bytes).unwrap_or_default() / SAMPLE_BYTES;
+            if begin < range.end && range.start < end {
+                let chunk = self
+                    .chunk(connection, position, size.try_get("chunk")?)
+                    .await?;
+                let within = range.start.max(begin) - begin..range.end.min(end) - begin;
+                values.extend_from_slice(&chunk[within]);
+            }
+            begin = end;
+        }
+        if begin != self.samples {
+            return Err(corrupt("recording", self.dataset, "samples are missing"));
+        }
+        Ok(values)
+    }
+
+    async fn chunk(
+        &self,
+        connection: &mut Connection,
+        position: i64,
+        chunk: i64,
+    ) -> Result<Vec<f64>, StoreError> {
+        let row = database::query(
+            "select dataset, position, chunk, samples, seal from dataset_chunks \
+             where dataset = $1 and position = $2 and chunk = $3",
+        )
+        .bind(self.dataset)
+        .bind(position)
+        .bind(chunk)
+        .fetch_one(connection)
+        .await?;
+        DATASET_CHUNKS.verify(&row)?;
+        Ok(decode(row.try_get("samples")?).collect())
+    }
+}
