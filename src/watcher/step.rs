@@ -284,7 +284,7 @@ impl MonitorStep {
     }
 
     /// The step that ends a window which says nothing.
-    fn is_quiet(mut self, reason: String) -> Advance {
+    fn rests(mut self, reason: String) -> Advance {
         let window = self.state.quiet(&self.spec.window, reason);
         self.state.go_on(&self.spec.window, None);
         self.advance(Some(window.into()), Vec::new())
@@ -300,7 +300,7 @@ impl MonitorStep {
     /// The step that ends a window with one.
     fn takes(mut self, outcome: &Outcome) -> Advance {
         if self.state.known.is_none() && information::says_nothing(outcome) {
-            return self.is_quiet("it fixed no parameter to within half its value".to_owned());
+            return self.rests("it fixed no parameter to within half its value".to_owned());
         }
         let (window, alarms) = self.state.take(&self.spec, outcome, self.now);
         self.state.go_on(&self.spec.window, None);
@@ -404,7 +404,7 @@ impl MonitorStep {
             None => (!moves).then(|| format!("{} did not move", movers.join(", "))),
         };
         if let Some(reason) = quiet {
-            return self.is_quiet(reason);
+            return self.rests(reason);
         }
         let still = outputs(&job, &window.models).into_iter().find(|output| {
             let column = signals.iter().position(|signal| signal.name == *output);

@@ -13,7 +13,7 @@ use crate::api::error::{Answer, Problem};
 use crate::api::spreadsheet::inert;
 use crate::api::work::Work;
 use crate::store::{StoreError, StreamRow, Streams};
-use greybox::recording::{CsvWriter, Rows};
+use greybox::recording::{CsvWriter, RowSignal, Rows};
 
 /// What is left of a part to be written.
 struct Rest {
@@ -74,20 +74,24 @@ impl Rest {
         let start = self.start;
         let signals = self.stream.signals.clone();
         let written = self.work.convert(move || {
-            let mut text = Vec::new();
-            let mut write = || {
-                let mut writer = CsvWriter::new(&mut text);
-                if are_first {
-                    let names: Vec<_> = signals.iter().map(|signal| inert(&signal.name)).collect();
-                    let units = signals.iter().map(|signal| &*signal.unit);
-                    writer.titles(names.iter().map(|name| &**name).zip(units))?;
-                }
-                writer.rows(&rows, start)?;
-                writer.finish()
-            };
-            write().expect("memory takes all");
-            Ok(Bytes::from(text))
+            let titles = are_first.then_some(&*signals);
+            let text = csv(&rows, start, titles);
+            Ok(Bytes::from(text.expect("memory takes all")))
         });
         written.await
     }
+}
+
+/// Rows as lines, after a line of titles where there are any. Times count from `start`.
+fn csv(rows: &Rows, start: i64, titles: Option<&[RowSignal]>) -> io::Result<Vec<u8>> {
+    let mut text = Vec::new();
+    let mut writer = CsvWriter::new(&mut text);
+    if let Some(signals) = titles {
+        let names: Vec<_> = signals.iter().map(|signal| inert(&signal.name)).collect();
+        let units = signals.iter().map(|signal| &*signal.unit);
+        writer.titles(names.iter().map(|name| &**name).zip(units))?;
+    }
+    writer.rows(rows, start)?;
+    writer.finish()?;
+    Ok(text)
 }
