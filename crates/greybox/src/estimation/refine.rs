@@ -10,18 +10,21 @@
 
 mod end;
 mod linearisation;
+mod trial;
 
 pub use end::DescentEnd;
 pub use linearisation::{Linearisation, Outlook, linearise};
+pub use trial::trial_steps;
 
 use super::feasible;
 use super::problem::Problem;
 use super::sensitivity::{Neighbourhood, SensitivityError, Sides};
 use greybox_numerics::lanes::LANES;
 use greybox_simulation::Accuracy;
-use linearisation::{SHORT, SMALLEST_DAMPING, sides};
+use linearisation::{SHORT, sides};
 use serde::{Deserialize, Serialize};
 use std::sync::atomic::AtomicBool;
+use trial::Trial;
 
 /// Iterations of a descent at the most; a short record may have more of them.
 fn most_iterations(accuracy: Accuracy, rows: usize) -> u32 {
@@ -61,40 +64,16 @@ const IDLE_ITERATIONS: u32 = 3;
 const IDLE_GAIN: f64 = 1e-6;
 /// Two minima that are fewer standard errors apart are one.
 const SAME_MINIMUM: f64 = 1.0;
-/// The dampings that are tried, relative to the last good one: the first always, of the others as
-/// many as fill the lanes.
-const DAMPING_FACTORS: [f64; 8] = [1e-4, 1.0, 1e2, 1e-2, 10.0, 1e-1, 1e4, 1e-3];
 /// On a long record the boldest step is taken, where the residuals are linearised already, if it
 /// gains this share of what the best of the others does.
 const ENOUGH: f64 = 0.999;
 /// At least so many others.
 const FEWEST_OTHERS: usize = 3;
-/// A smaller damping changes no step.
-const NEGLIGIBLE_DAMPING: f64 = 1e-6;
-/// Standard errors from the minimum within which steps are stretched: further off the way there is no straight one.
-const STRETCHED_WITHIN: f64 = 3.0;
-/// Shorter and longer steps that are tried in place of negligible dampings, relative to the last good one.
-const STRETCHES: [f64; 8] = [1.0, 0.7, 1.4, 0.5, 2.0, 0.85, 1.2, 0.25];
 const FIRST_DAMPING: f64 = 1e-3;
 /// Where none of them gains anything, so many times larger ones are tried.
 const DAMPING_RISE: f64 = 1e5;
 /// The largest damping that is raised.
 const LARGEST_DAMPING: f64 = 1e6;
-
-/// The candidates that the dampings lead to, with their dampings.
-#[must_use]
-pub fn trial_steps(
-    problem: &Problem,
-    linearisation: &Linearisation,
-    positions: &[f64],
-    dampings: impl IntoIterator<Item = f64>,
-) -> Vec<(f64, Vec<f64>)> {
-    let trial = |damping: f64| {
-        let outlook = linearisation.moved(problem, positions, damping)?;
-        Some((damping, outlook.positions))
-    };
-    dampings.into_iter().filter_map(trial).collect()
-}
 
 /// Descends from a start to the end. Nothing when `stop` was raised.
 #[must_use]
@@ -127,16 +106,6 @@ pub fn descend_at_most(
         }
     }
     Some(descent)
-}
-
-/// A step that is tried.
-#[derive(Clone)]
-struct Trial {
-    damping: f64,
-    /// How much longer the step is than the linear model has it.
-    stretch: f64,
-    /// Where the step leads.
-    positions: Vec<f64>,
 }
 
 /// What one iteration leads to.
@@ -202,6 +171,9 @@ pub struct Descent {
     /// How much longer the last step was than the linear model had it.
     #[serde(default = "unstretched")]
     stretch: f64,
+    /// The last step; nothing before the first.
+    #[serde(default)]
+    last_step: Vec<f64>,
     /// How far the linear model's minimum was away, in standard errors.
     distance: Option<f64>,
     /// How much of the distance before that was left.
@@ -233,6 +205,7 @@ impl Descent {
             accuracy: Accuracy::Screening,
             damping: FIRST_DAMPING,
             stretch: unstretched(),
+            last_step: Vec::new(),
             distance: None,
             shrinkage: 1.0,
             linearisation: None,
@@ -369,48 +342,6 @@ impl Descent {
         Some(best.or(other).unwrap_or_else(Step::nowhere))
     }
 
-    /// The steps that are tried, the boldest first. Where dampings change nothing any more, shorter and longer steps
-    /// are tried in their place: innovations that are not as the noise model has them have another curvature than
-    /// the expected one, by a factor that the descent learns.
-    fn trials(
-        &self,
-        problem: &Problem,
-        linearisation: &Linearisation,
-        at_most: usize,
-    ) -> Vec<Trial> {
-        let is_undamped = self.damping < NEGLIGIBLE_DAMPING && problem.innovations.is_some();
-        let is_curved = self
-            .distance
-            .is_none_or(|distance| distance > STRETCHED_WITHIN);
-        if !is_undamped || is_curved {
-            let factors = DAMPING_FACTORS.iter().take(at_most);
-            let dampings = factors.map(|factor| (self.damping * factor).max(SMALLEST_DAMPING));
-            let trials = trial_steps(problem, linearisation, &self.positions, dampings);
-            let undamped = trials.into_iter().map(|(damping, positions)| Trial {
-                damping,
-                stretch: 1.0,
-                positions,
-            });
-            return undamped.collect();
-        }
-        let Some(outlook) = linearisation.moved(problem, &self.positions, self.damping) else {
-            return Vec::new();
-        };
-        let stretches = STRETCHES.iter().take(at_most);
-        let stretched = stretches.filter_map(|factor| {
-            let stretch = factor * self.stretch;
-            let pairs = self.positions.iter().zip(&outlook.positions);
-            let moved = pairs.map(|(here, there)| here + stretch * (there - here));
-            let moved = moved.map(|position| position.clamp(0.0, 1.0)).collect();
-            Some(Trial {
-                damping: self.damping,
-                stretch,
-                positions: feasible::nearest(problem, moved)?,
-            })
-        });
-        stretched.collect()
-    }
-
     /// Takes a step, if it gains anything, and ends where that is not worth another.
     fn take(&mut self, step: Step, here: &Linearisation) {
         let (here, rows) = (here.cost, here.triangle.rows());
@@ -433,6 +364,8 @@ impl Descent {
         } else if self.iterations >= most_iterations(self.accuracy, rows) {
             self.end = Some(DescentEnd::IterationLimit);
         }
+        let pairs = step.trial.positions.iter().zip(&self.positions);
+        self.last_step = pairs.map(|(new, old)| new - old).collect();
         self.positions = step.trial.positions;
         self.cost = Some(step.cost);
         self.damping = step.trial.damping;
