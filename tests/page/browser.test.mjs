@@ -354,6 +354,30 @@ test("jobs are searched, sorted, kept up to date and compared", { skip }, async 
   await page.close();
 });
 
+test("the newest jobs are on the screen although the stream of changes has not opened", {
+  skip,
+}, async () => {
+  const page = await open("/#/");
+  await says(page, "finds the physical parameters");
+  const held = [];
+  await page.setRequestInterception(true);
+  page.on("request", (request) =>
+    request.url().endsWith("/v1/events") ? held.push(request) : request.continue(),
+  );
+  await page.evaluate(() => {
+    location.hash = "/jobs";
+  });
+  await page.waitForSelector(`.jobs a[href='#/jobs/${shared.jobs.at(-1)}']`, PATIENCE);
+  assert.equal(await page.$("::-p-xpath(//span[@role='status'][. = 'live'])"), null);
+  while (held.length === 0) {
+    await page.evaluate(() => new Promise(requestAnimationFrame));
+  }
+  await held[0].continue();
+  await says(page, "live");
+  assert.deepEqual(page.faults, []);
+  await page.close();
+});
+
 test("the verdict prepares the job to run next", { skip }, async () => {
   const job = JOB(shared.dataset, "icra_genetic");
   job.parameters = { mass: { estimate: { lower: 10, upper: 60 } } };

@@ -16,8 +16,11 @@ import { JobRows } from "./rows.js";
 import { startPanel } from "./start.js";
 import { keepChoice, lastChoice, viewMenu } from "./views.js";
 
+// The first page fills any screen; further pages are as long as the server allows.
 const FIRST_PAGE = 100;
 const PAGE = 500;
+// While pages are read, the list is drawn again after this time, in milliseconds.
+const DRAWN_EACH = 250;
 const MOST = 50_000;
 const MOST_LABELS = 40;
 const COMPARED = [2, 10];
@@ -44,7 +47,7 @@ export function showJobs(view) {
     list.emptyNote,
     list.start,
   );
-  list.follow();
+  list.open();
 }
 
 class JobList {
@@ -136,17 +139,14 @@ class JobList {
       ),
       this.layoutFields(),
     );
-    described().then(
-      (description) => {
-        this.trusts = namesIn(description, "Trust");
-        this.sorted = null;
-        this.offer(places.status, "status", namesIn(description, "Status"));
-        this.offer(places.trust, "trust", [...this.trusts.toReversed(), "none"]);
-        this.offer(places.method, "method", namesIn(description, "MethodName"));
-        this.drawSoon();
-      },
-      (error) => this.outcome.fail(error),
-    );
+    this.offerNames = (description) => {
+      this.trusts = namesIn(description, "Trust");
+      this.sorted = null;
+      this.offer(places.status, "status", namesIn(description, "Status"));
+      this.offer(places.trust, "trust", [...this.trusts.toReversed(), "none"]);
+      this.offer(places.method, "method", namesIn(description, "MethodName"));
+      this.drawSoon();
+    };
     return fields;
   }
 
@@ -283,9 +283,10 @@ class JobList {
     }
     this.bulk.draw();
     const all = this.jobs.size;
-    this.summary.textContent =
+    const counted =
       shown.length === all ? `${count(all)} jobs` : `${count(shown.length)} of ${count(all)} jobs`;
-    this.emptyNote.hidden = !this.loaded || all === 0 || shown.length > 0;
+    this.summary.textContent = this.whole ? counted : `${counted}, reading more …`;
+    this.emptyNote.hidden = !this.whole || all === 0 || shown.length > 0;
     this.start.hidden = !this.loaded || all > 0;
   }
 
@@ -305,7 +306,39 @@ class JobList {
     }
   }
 
-  // The stream opens before the list is read, so that every later change is heard.
+  // The newest jobs are on the screen before anything else is asked for. The stream of changes needs a moment
+  // to open, and the description of the API is long.
+  async open() {
+    try {
+      const { data } = await this.page(FIRST_PAGE, null, this.view.signal);
+      this.takePage(data);
+    } catch (error) {
+      if (this.view.signal.aborted) {
+        return;
+      }
+      this.outcome.fail(error);
+    }
+    this.follow();
+    described().then(this.offerNames, (error) => this.outcome.fail(error));
+  }
+
+  page(limit, token, signal) {
+    return get(`/v1/jobs${query({ view: "summary", limit, page_token: token })}`, signal);
+  }
+
+  /** @param {{ items: any[], next_page_token?: string }} data */
+  takePage({ items, next_page_token: token }) {
+    for (const job of items) {
+      this.take(job);
+    }
+    if (!this.loaded) {
+      this.loaded = true;
+      this.whole = !token;
+      this.draw();
+    }
+  }
+
+  // The stream opens before the whole list is read, so that every later change is heard.
   follow() {
     const stream = new EventSource("/v1/events");
     this.view.signal.addEventListener("abort", () => stream.close(), { once: true });
@@ -333,6 +366,8 @@ class JobList {
     });
   }
 
+  // Reads all jobs. Each page is asked for before the page ahead of it is handled, and the list is drawn a few
+  // times a second, since the rows in sight rarely change meanwhile.
   async load() {
     this.loading?.abort();
     const loading = new AbortController();
@@ -340,22 +375,25 @@ class JobList {
     this.view.signal.addEventListener("abort", () => loading.abort(), { once: true });
     const before = [...this.jobs.keys()];
     const seen = new Set();
-    let token = null;
+    let drawn = performance.now();
     try {
-      do {
-        const { data } = await get(
-          `/v1/jobs${query({ view: "summary", limit: token ? PAGE : FIRST_PAGE, page_token: token })}`,
-          loading.signal,
-        );
-        data.items.forEach((job) => {
-          seen.add(job.id);
-          this.take(job);
-        });
-        token = data.next_page_token;
-        this.loaded = true;
-        this.drawSoon();
-      } while (token && seen.size < MOST);
-      for (const id of before.filter((id) => !token && !seen.has(id))) {
+      let next = this.page(PAGE, null, loading.signal);
+      while (next) {
+        const { data } = await next;
+        const token = data.next_page_token;
+        const length = seen.size + data.items.length;
+        next = token && length < MOST ? this.page(PAGE, token, loading.signal) : null;
+        this.isCut = Boolean(token);
+        for (const { id } of data.items) {
+          seen.add(id);
+        }
+        this.takePage(data);
+        if (performance.now() - drawn > DRAWN_EACH) {
+          drawn = performance.now();
+          this.drawSoon();
+        }
+      }
+      for (const id of before.filter((id) => !this.isCut && !seen.has(id))) {
         this.jobs.delete(id);
       }
       this.sorted = null;

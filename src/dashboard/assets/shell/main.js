@@ -35,10 +35,13 @@ const VIEWS = [
 const main = document.getElementById("main");
 let leave = new AbortController();
 
+// The path and the query that the address names after #.
+const addressed = () => (location.hash.slice(1) || "/jobs").split("?");
+
 async function route() {
   leave.abort();
   leave = new AbortController();
-  const [path, query] = (location.hash.slice(1) || "/jobs").split("?");
+  const [path, query] = addressed();
   main.replaceChildren();
   markCurrent(path);
   const { signal } = leave;
@@ -85,8 +88,10 @@ async function showVersion() {
   document.getElementById("version").textContent = `greybox ${data.version ?? ""}`;
 }
 
-// Where the server asks who calls, signing in comes first.
+// Where the server asks who calls, signing in comes first. The modules of the view come meanwhile.
 async function begin() {
+  const [path] = addressed();
+  VIEWS.find(([pattern]) => pattern.test(path))?.[1]().catch(() => {});
   (await isKnown()) ? route() : signIn();
 }
 
