@@ -23,6 +23,7 @@ import {
   write,
 } from "./browser.mjs";
 import { base, designJob, disturbedJob, ended, JOB, post, recording } from "./server.mjs";
+import { windowsOfAForm, windowsOfARecording } from "./windows.mjs";
 
 const skip = base && tools ? false : "GREYBOX_URL and PAGE_TOOLS are not set";
 // The tests share the browser, the recording as a file and on the server, and jobs that have ended.
@@ -132,6 +133,8 @@ test("a window is chosen by dragging, and by keyboard; JSON follows and is follo
   assert.equal(await page.$eval("input[aria-label='mass, tolerance']", (input) => input.value), "1 %");
   assert.deepEqual(page.faults, []);
   await page.close();
+  await windowsOfAForm(shared.dataset);
+  await windowsOfARecording(shared.dataset);
 });
 
 test("from a file to a report by keyboard alone", { skip }, async () => {

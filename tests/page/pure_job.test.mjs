@@ -5,6 +5,8 @@ import assert from "node:assert/strict";
 import test from "node:test";
 
 const part = (name) => import(new URL(`../../src/dashboard/assets/${name}`, import.meta.url));
+const { recordingsOfDraft } = await part("new/draft.js");
+const { longestUnused, movedWindow, partWithin, specifiedWindow } = await part("plot/math.js");
 const { criterionChange, followed, moves } = await part("job/ancestry.js");
 const { budgetBars, placedParts, shareText } = await part("job/budget.js");
 const { correlationText } = await part("job/correlation.js");
@@ -338,4 +340,40 @@ test("initial states are told apart from the parameters among the unknowns", () 
   const position = { name: "position", unit: "m", experiment: 0 };
   assert.equal(unknownsText(2, [mass, position]), "2, of them initial states 1");
   assert.equal(unknownsText(1, [{ ...mass, experiment: null }]), "1");
+});
+
+test("windows of a recording keep within it, and the longest unused part is told", () => {
+  assert.deepEqual(partWithin([7, -1], 6), [0, 6]);
+  const window = { from: 1, to: 3, role: "validation" };
+  assert.deepEqual(movedWindow(window, 10, 6), { from: 4, to: 6, role: "validation" });
+  assert.deepEqual(movedWindow(window, -10, 6), { from: 0, to: 2, role: "validation" });
+  assert.deepEqual(longestUnused([], 6), [0, 6]);
+  assert.deepEqual(
+    longestUnused(
+      [
+        { from: 3, to: 4 },
+        { from: 0, to: 1 },
+      ],
+      6,
+    ),
+    [1, 3],
+  );
+  assert.equal(longestUnused([{ from: 0, to: 6 }], 6), null);
+  assert.equal(specifiedWindow({ from: 0, to: 6 }, 6), undefined);
+  assert.deepEqual(specifiedWindow({ from: 1, to: 6 }, 6), { from_s: 1 });
+});
+
+test("experiments of the same recording and signals are windows of it", () => {
+  const drive = { dataset: "ds_1", signals: { force: "F" } };
+  const experiments = [
+    { ...drive, window: { to_s: 1 } },
+    { dataset: "ds_2" },
+    { ...drive, window: { from_s: 2 }, role: "validation" },
+    { dataset: "ds_1", signals: { force: "G" } },
+  ];
+  assert.deepEqual(recordingsOfDraft(experiments), [
+    { dataset: "ds_1", places: [0, 2] },
+    { dataset: "ds_2", places: [1] },
+    { dataset: "ds_1", places: [3] },
+  ]);
 });

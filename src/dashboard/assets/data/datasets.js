@@ -1,16 +1,17 @@
 // @ts-check
 // These pages show datasets: the list with an upload, and a single dataset with its quality report and
-// plots.
+// plots, where windows of the recording are chosen for a new job.
 
 import { clockOf } from "../plot/clock.js";
-import { PlotGroup } from "../plot/group.js";
-import { withGaps } from "../plot/math.js";
+import { PlotGroup, WindowChooser } from "../plot/group.js";
+import { specifiedWindow, withGaps } from "../plot/math.js";
 import { plot } from "../plot/plot.js";
 import { download } from "../plot/save.js";
 import { recordedUnit, toShown } from "../plot/units.js";
 import { get, items, query, request, send } from "../shell/api.js";
 import { facts, h, notice, table, warningList } from "../shell/dom.js";
 import { count, duration, instant, number, quantity, unitText, words } from "../shell/format.js";
+import { prepare } from "../shell/prepared.js";
 import { uploader } from "./upload.js";
 
 const PLOTS_AT_ONCE = 8;
@@ -97,11 +98,12 @@ export function showDataset(view, id) {
 
 function datasetParts(view, dataset, outcome) {
   const warnings = dataset.report?.warnings ?? [];
+  const windows = windowsOfNewJob(view, dataset);
   return [
     h(
       "div",
       { class: "actions" },
-      h("a", { class: "button", href: `#/new?dataset=${dataset.id}` }, "New job with this dataset"),
+      windows.start,
       h("button", { type: "button", onclick: () => saveCsv(dataset, outcome) }, "Download CSV"),
       h("button", { type: "button", class: "danger", onclick: () => remove(dataset, outcome) }, "Delete"),
     ),
@@ -131,24 +133,62 @@ function datasetParts(view, dataset, outcome) {
         ];
       }),
     ),
-    plots(view, dataset, outcome),
+    plots(view, dataset, outcome, windows.chooser),
   ];
 }
 
-function plots(view, dataset, outcome) {
+// The windows that are chosen on the page of a recording become the experiments of a new job.
+function windowsOfNewJob(view, dataset) {
+  const windows = [];
+  const start = h("a", { class: "button", href: `#/new?dataset=${dataset.id}` });
+  const draw = () => {
+    chooser.draw(windows, (k) => `Window ${k + 1}`);
+    chooser.shade();
+    const what = windows.length === 1 ? "this window" : `these ${windows.length} windows`;
+    start.textContent = `New job with ${windows.length ? what : "this dataset"}`;
+  };
+  const replace = (k, ...by) => {
+    windows.splice(k, 1, ...by);
+    draw();
+  };
+  const chooser = new WindowChooser({
+    dataset,
+    signal: view.signal,
+    drags: ["look", "estimation", "validation"],
+    add: (window) => replace(windows.length, window),
+    change: (k, window) => replace(k, window),
+    remove: (k) => replace(k),
+  });
+  start.addEventListener("click", (event) => {
+    if (windows.length) {
+      event.preventDefault();
+      const experiments = windows.map((window) => ({
+        dataset: dataset.id,
+        window: specifiedWindow(window, dataset.duration_s),
+        role: window.role === "validation" ? "validation" : undefined,
+      }));
+      prepare({ experiments });
+    }
+  });
+  draw();
+  return { start, chooser };
+}
+
+function plots(view, dataset, outcome, chooser) {
   const place = h("div", {});
   const names = dataset.signals.map((signal) => signal.name);
   const more = h("button", { type: "button", hidden: true }, "Plot more signals");
   const draw = () => {
     const batch = names.splice(0, PLOTS_AT_ONCE);
     more.hidden = names.length === 0;
-    place.append(
-      signalPlots({ view, dataset, names: batch, failed: (error) => outcome.fail(error) }).element,
-    );
+    const failed = (error) => outcome.fail(error);
+    const part = signalPlots({ view, dataset, names: batch, failed, onBrush: chooser.onBrush });
+    chooser.follow(part);
+    place.append(part.element);
   };
   more.addEventListener("click", draw);
   draw();
-  return h("div", {}, place, more);
+  return h("div", {}, chooser.element, place, more);
 }
 
 // Plots signals over a common time and shades what the quality report says about them. `onBrush` and
@@ -189,10 +229,10 @@ export function signalPlots({ view, dataset, names, failed, onBrush = null, span
     });
     return { name, chart };
   });
-  group.start();
   return {
     group,
     drawn,
+    ready: group.start(),
     element: h(
       "div",
       {},

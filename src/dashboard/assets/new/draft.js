@@ -9,6 +9,22 @@ export function experimentOf(dataset, model) {
   return { dataset: dataset.id, signals };
 }
 
+// Gives the recordings of the experiments, each with the places of its windows in the list: experiments of
+// the same recording that see the same signals and leave out the same samples are windows of it.
+/**
+ * @param {any[]} experiments
+ * @returns {{ dataset: string, places: number[] }[]}
+ */
+export function recordingsOfDraft(experiments) {
+  const groups = new Map();
+  experiments.forEach(({ dataset, signals = {}, exclude = null }, k) => {
+    const key = JSON.stringify([dataset, Object.entries(signals ?? {}).sort(), exclude]);
+    const group = groups.get(key);
+    group ? group.places.push(k) : groups.set(key, { dataset, places: [k] });
+  });
+  return [...groups.values()];
+}
+
 // What a specification says by the names of its model.
 const OF_THE_MODEL = [
   "parameters",

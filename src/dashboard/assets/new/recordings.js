@@ -1,29 +1,25 @@
 // @ts-check
-// This part of the form chooses the recordings of a new job, the part of each that is used, its role,
-// and the signals that the model sees.
+// This part of the form chooses the recordings of a new job, the windows of each with their roles, and the
+// signals that the model sees. Each window is an experiment.
 
 import { signalPlots } from "../data/datasets.js";
 import { uploader } from "../data/upload.js";
 import { inputSet, likeness } from "../model/signals.js";
+import { WindowChooser } from "../plot/group.js";
+import { partWithin, specifiedWindow } from "../plot/math.js";
 import { namesIn } from "../shell/description.js";
 import { h, notice } from "../shell/dom.js";
-import { count, duration, number, numberOf, words } from "../shell/format.js";
+import { count, duration, number, words } from "../shell/format.js";
+import { changed, recordingsOfDraft } from "./draft.js";
 import { heldBack } from "./search.js";
 
 const PLOTS_AT_ONCE = 4;
-// What dragging across a plot does.
-const DRAGS = [
-  ["window", "chooses what is used"],
-  ["leave_out", "leaves a stretch out"],
-  ["look", "only looks closer"],
-];
 const CLASSES = {
   uncertain: "uncertain by its source",
   substituted: "substituted by its source",
   frozen: "frozen",
   spike: "spikes",
 };
-const round = (value) => Number(value.toPrecision(6));
 
 export function recordingsPart(job) {
   const list = h("div", {});
@@ -60,7 +56,7 @@ export function recordingsPart(job) {
   let started = false;
   return {
     element,
-    draw(from) {
+    draw() {
       const options = [...job.datasets.values()].map((dataset) =>
         h(
           "option",
@@ -78,15 +74,16 @@ export function recordingsPart(job) {
         upload.open = true;
       }
       started = true;
-      // An experiment keeps its plots as long as it has the same recording.
-      experiments.forEach((experiment, k) => {
-        if (shown[k]?.dataset !== experiment.dataset) {
+      // A recording keeps its plots as long as it stands at the same place.
+      const groups = recordingsOfDraft(experiments);
+      groups.forEach(({ dataset, places }, k) => {
+        if (shown[k]?.dataset !== dataset) {
           shown[k]?.leave.abort();
-          shown[k] = new ExperimentPart(job, k, experiment.dataset);
+          shown[k] = new RecordingPart(job, places, dataset);
         }
-        shown[k].draw(from);
+        shown[k].draw(places);
       });
-      for (const part of shown.splice(experiments.length)) {
+      for (const part of shown.splice(groups.length)) {
         part.leave.abort();
       }
       const elements = shown.map((part) => part.element);
@@ -100,49 +97,35 @@ export function recordingsPart(job) {
   };
 }
 
-class ExperimentPart {
-  constructor(job, k, dataset) {
+// The experiments at `places` are windows of a recording, and see the same signals.
+class RecordingPart {
+  constructor(job, places, dataset) {
     this.job = job;
-    this.k = k;
+    this.places = places;
     this.dataset = dataset;
     this.recording = job.datasets.get(dataset);
     this.leave = new AbortController();
     job.view.signal.addEventListener("abort", () => this.leave.abort(), { once: true });
     this.head = h("div", { class: "title" });
     this.outcome = notice();
-    this.from = h("input", {
-      type: "text",
-      size: "10",
-      placeholder: "first",
-      onchange: () => this.takeWindow(),
-    });
-    this.to = h("input", {
-      type: "text",
-      size: "10",
-      placeholder: "last",
-      onchange: () => this.takeWindow(),
-    });
     this.signals = h("div", { class: "fields" });
     this.leftOut = h("div", { class: "leave-out" });
-    this.brushing = h(
-      "select",
-      {},
-      DRAGS.map(([name, text]) => h("option", { value: name }, text)),
-    );
     this.element = h("div", { class: "panel experiment" }, this.head, this.outcome.place);
     if (!this.recording) {
       this.element.append(h("p", {}, "This recording is not on the server."));
       return;
     }
+    this.chooser = new WindowChooser({
+      dataset: this.recording,
+      signal: this.leave.signal,
+      drags: ["estimation", "validation", "leave_out", "look"],
+      add: (window) => this.add(window),
+      change: (k, window) => this.change(this.places[k], window),
+      remove: (k) => this.remove(this.places[k]),
+      leaveOut: (part) => this.leaveOut(part),
+    });
     this.element.append(
-      h(
-        "div",
-        { class: "fields" },
-        h("label", {}, "Use from, s", this.from),
-        h("label", {}, "to, s", this.to),
-        h("button", { type: "button", onclick: () => this.window(null) }, "All of it"),
-        h("label", {}, "Dragging across a plot", this.brushing),
-      ),
+      this.chooser.element,
       this.plots(),
       this.leftOut,
       h("h3", {}, "What the model sees"),
@@ -155,16 +138,7 @@ class ExperimentPart {
   plots() {
     const names = this.recording.signals.map(({ name }) => name);
     const view = { signal: this.leave.signal };
-    const onBrush = {
-      active: () => this.brushing.value !== "look",
-      take: (part) => (this.brushing.value === "leave_out" ? this.leaveOut(part) : this.window(part)),
-      end: (side, x) => {
-        const [from, to] = this.chosen();
-        this.window(side === 0 ? [x, to] : [from, x]);
-      },
-    };
     const place = h("div", {});
-    this.drawn = [];
     const more = h("button", { type: "button" });
     const next = () => {
       const part = signalPlots({
@@ -172,10 +146,10 @@ class ExperimentPart {
         dataset: this.recording,
         names: names.splice(0, PLOTS_AT_ONCE),
         height: 200,
-        onBrush,
+        onBrush: this.chooser.onBrush,
         failed: (error) => this.outcome.fail(error),
       });
-      this.drawn.push(...part.drawn);
+      this.chooser.follow(part);
       place.append(part.element);
       more.hidden = names.length === 0;
       more.textContent = `Show ${Math.min(PLOTS_AT_ONCE, names.length)} more of ${names.length} signals`;
@@ -186,32 +160,72 @@ class ExperimentPart {
     return h("div", {}, place, more);
   }
 
+  // The windows of a recording agree in everything that this part shows beside the windows.
   get experiment() {
-    return this.job.spec.experiments[this.k] ?? {};
+    return this.job.spec.experiments[this.places[0]] ?? {};
   }
 
-  chosen() {
-    const { from_s: from, to_s: to } = this.experiment.window ?? {};
-    return [from ?? 0, to ?? this.recording.duration_s];
+  // Sets a value at a path of every window.
+  put(path, value) {
+    this.job.set(
+      this.places.reduce((spec, k) => changed(spec, ["experiments", k, ...path], value), this.job.spec),
+    );
   }
 
-  // The stretch that was dragged across, within the recording.
-  stretch(part) {
-    return [Math.max(0, Math.min(...part)), Math.min(this.recording.duration_s, Math.max(...part))];
+  windows() {
+    return this.places.map((k) => {
+      const { window, role } = this.job.spec.experiments[k];
+      const { from_s: from, to_s: to } = window ?? {};
+      return { from: from ?? 0, to: to ?? this.recording.duration_s, role: role ?? "estimation" };
+    });
+  }
+
+  // A further window sees what the windows before it see; settings of a single experiment stay with it.
+  add(window) {
+    const { dataset, signals, exclude, instants } = this.experiment;
+    const shared = JSON.parse(JSON.stringify({ dataset, signals, exclude, instants }));
+    const experiments = [...this.job.spec.experiments];
+    experiments.splice(this.places.at(-1) + 1, 0, this.withWindow(shared, window));
+    this.job.set({ ...this.job.spec, experiments });
+  }
+
+  change(k, window) {
+    this.job.at(["experiments", k], this.withWindow(this.job.spec.experiments[k], window));
+  }
+
+  // The last window gives way to the whole recording.
+  remove(k) {
+    this.places.length > 1
+      ? this.job.at(["experiments", k], undefined)
+      : this.job.at(["experiments", k, "window"], undefined);
+  }
+
+  withWindow({ window: _, role: __, ...rest }, window) {
+    const specified = specifiedWindow(window, this.recording.duration_s);
+    return {
+      ...rest,
+      ...(specified ? { window: specified } : {}),
+      ...(window.role === "validation" ? { role: "validation" } : {}),
+    };
   }
 
   leaveOut(part) {
-    const [from_s, to_s] = this.stretch(part).map(round);
+    const [from_s, to_s] = partWithin(part, this.recording.duration_s);
     const spans = this.experiment.exclude?.spans ?? [];
-    this.job.at(["experiments", this.k, "exclude", "spans"], [...spans, { from_s, to_s }]);
+    this.put(["exclude", "spans"], [...spans, { from_s, to_s }]);
   }
 
   // Samples that the source or the quality report doubts, and stretches that were dragged across.
   drawLeftOut() {
-    const { job, k } = this;
+    const { job } = this;
+    // What did not change stays, so that a click always meets its button.
+    const asDrawn = JSON.stringify(this.experiment.exclude ?? null);
+    if (asDrawn === this.leftOutDrawn) {
+      return;
+    }
+    this.leftOutDrawn = asDrawn;
     const { classes = [], spans = [] } = this.experiment.exclude ?? {};
-    const put = (member, list) =>
-      job.at(["experiments", k, "exclude", member], list.length ? list : undefined);
+    const put = (member, list) => this.put(["exclude", member], list.length ? list : undefined);
     const boxes = namesIn(job.description, "ExcludedClass").map((name) => {
       const onchange = ({ target }) =>
         put("classes", target.checked ? [...classes, name] : classes.filter((kind) => kind !== name));
@@ -234,79 +248,47 @@ class ExperimentPart {
     this.leftOut.replaceChildren(h("span", {}, "Leave out:"), ...boxes, ...stretches);
   }
 
-  window(part) {
-    const [from, to] = part ? this.stretch(part) : [0, Infinity];
-    const window = {};
-    if (from > 0) {
-      window.from_s = round(from);
-    }
-    if (to < this.recording.duration_s) {
-      window.to_s = round(to);
-    }
-    this.job.at(["experiments", this.k, "window"], Object.keys(window).length ? window : undefined);
-  }
-
-  takeWindow() {
-    const [from, to] = [numberOf(this.from.value), numberOf(this.to.value)];
-    this.window([Number.isFinite(from) ? from : 0, Number.isFinite(to) ? to : this.recording.duration_s]);
-  }
-
+  // What is held back to check is the end of each window that is estimated from.
   shade() {
-    const [from, to] = this.chosen();
-    const whole = from <= 0 && to >= this.recording.duration_s;
     const excluded = (this.experiment.exclude?.spans ?? []).map(({ from_s, to_s }) => ({
       from: from_s,
       to: to_s,
       kind: "excluded",
     }));
-    const isChecked = this.experiment.role === "validation";
-    const share = isChecked ? 1 : heldBack(this.job);
-    const held = share > 0 ? [{ from: to - share * (to - from), to, kind: "held" }] : [];
-    this.drawn?.forEach(({ chart }) => {
-      const odd = chart.spans.filter(({ kind }) => kind === "bad" || kind === "missing");
-      chart.setSpans([...(whole ? [] : [{ from, to, kind: "window" }]), ...held, ...excluded, ...odd]);
-    });
+    const share = heldBack(this.job);
+    const held = this.windows()
+      .filter(({ role }) => share > 0 && role === "estimation")
+      .map(({ from, to }) => ({ from: to - share * (to - from), to, kind: "held" }));
+    this.chooser.shade([...held, ...excluded]);
   }
 
-  draw() {
-    const { experiment, job, k } = this;
+  draw(places) {
+    this.places = places;
+    const { job } = this;
     const title = this.recording?.name || this.dataset;
-    const role = h(
-      "select",
-      {
-        "aria-label": `What ${title} is for`,
-        onchange: (event) =>
-          job.at(["experiments", k, "role"], event.target.value === "validation" ? "validation" : undefined),
-      },
-      [
-        ["estimation", "to estimate from"],
-        ["validation", "only to check the estimate"],
-      ].map(([value, text]) =>
-        h("option", { value, selected: value === (experiment.role ?? "estimation") }, text),
-      ),
-    );
+    const numbers = places.map((k) => k + 1);
+    const experiments = numbers.length > 1 ? `Experiments ${numbers.join(", ")}` : `Experiment ${numbers[0]}`;
+    const takeOut = () =>
+      job.set(places.reduceRight((spec, k) => changed(spec, ["experiments", k], undefined), job.spec));
     this.head.replaceChildren(
-      h("h3", {}, `Experiment ${k + 1}: ${title}`),
-      role,
+      h("h3", {}, `${experiments}: ${title}`),
       h(
         "button",
-        { type: "button", class: "small", onclick: () => job.at(["experiments", k], undefined) },
+        { type: "button", class: "small", "aria-label": `Take out ${title}`, onclick: takeOut },
         "Take out",
       ),
     );
     if (!this.recording) {
       return;
     }
-    const { from_s: from, to_s: to } = experiment.window ?? {};
-    this.from.value = from === undefined || from === null ? "" : String(from);
-    this.to.value = to === undefined || to === null ? "" : String(to);
+    this.chooser.draw(this.windows(), (k) => `Experiment ${numbers[k]}`);
     this.shade();
     this.drawLeftOut();
     this.drawSignals();
   }
 
   drawSignals() {
-    const { job, k, experiment } = this;
+    const { job, experiment } = this;
     const { model } = job;
     if (!model) {
       this.signals.replaceChildren(
@@ -348,8 +330,7 @@ class ExperimentPart {
         h(
           "select",
           {
-            onchange: (event) =>
-              job.at(["experiments", k, "signals", signal.name], event.target.value || undefined),
+            onchange: (event) => this.put(["signals", signal.name], event.target.value || undefined),
             "aria-invalid": kind === "input" && !experiment.signals?.[signal.name] ? "true" : null,
           },
           h("option", { value: "" }, missing),
@@ -367,7 +348,7 @@ class ExperimentPart {
   }
 
   drive(set) {
-    const { experiment, job, k } = this;
+    const { experiment, job } = this;
     const outputs = job.model.outputs.map(({ name }) => name);
     const kept = Object.fromEntries(
       Object.entries(experiment.signals ?? {}).filter(
@@ -380,6 +361,6 @@ class ExperimentPart {
         (a, b) => likeness(signal, b) - likeness(signal, a),
       )[0]?.name;
     }
-    job.at(["experiments", k, "signals"], kept);
+    this.put(["signals"], kept);
   }
 }

@@ -69,3 +69,52 @@ export function withGaps(xs, ys, spans) {
   });
   return [times, values];
 }
+
+/** @typedef {{ from: number, to: number, role: string }} RecordingWindow */
+
+const sixDigits = (value) => Number(value.toPrecision(6));
+
+// The part between two ends, in their order and within the recording.
+/** @param {number[]} ends @param {number} duration @returns {[number, number]} */
+export function partWithin(ends, duration) {
+  const within = ends.map((end) => Math.min(duration, Math.max(0, end)));
+  return [sixDigits(Math.min(...within)), sixDigits(Math.max(...within))];
+}
+
+// Moves a window within the recording; its length stays.
+/** @param {RecordingWindow} window @param {number} shift @param {number} duration @returns {RecordingWindow} */
+export function movedWindow(window, shift, duration) {
+  const length = window.to - window.from;
+  const from = Math.max(0, Math.min(duration - length, window.from + shift));
+  return { ...window, from: sixDigits(from), to: sixDigits(from + length) };
+}
+
+// The longest part of a recording that no window uses, or null.
+/** @param {{ from: number, to: number }[]} windows @param {number} duration @returns {[number, number] | null} */
+export function longestUnused(windows, duration) {
+  /** @type {[number, number] | null} */
+  let longest = null;
+  let from = 0;
+  const byStart = [...windows].sort((a, b) => a.from - b.from);
+  for (const { from: end, to: next } of [...byStart, { from: duration, to: duration }]) {
+    if (end > from && (!longest || end - from > longest[1] - longest[0])) {
+      longest = [from, end];
+    }
+    from = Math.max(from, next);
+  }
+  return longest;
+}
+
+// The window of an experiment as a specification has it; undefined stands for the whole recording.
+/** @param {{ from: number, to: number }} window @param {number} duration */
+export function specifiedWindow({ from, to }, duration) {
+  /** @type {{ from_s?: number, to_s?: number }} */
+  const window = {};
+  if (from > 0) {
+    window.from_s = sixDigits(from);
+  }
+  if (to < duration) {
+    window.to_s = sixDigits(to);
+  }
+  return Object.keys(window).length ? window : undefined;
+}

@@ -29,6 +29,7 @@ const SPAN_WORDS = {
   bad: "odd by the quality report",
   missing: "missing",
   window: "used",
+  check: "only checked",
   excluded: "left out",
   event: "event",
   alarm: "alarm",

@@ -37,6 +37,7 @@ export function spanColour(kind) {
     bad: "bad",
     missing: "bad",
     window: "first",
+    check: "second",
     excluded: "quiet",
     event: "simulated",
     alarm: "bad",
