@@ -1,13 +1,13 @@
 //! Recordings: store, list, show, sample, remove.
 
+pub(super) mod csv;
 mod document;
 
-use std::io::{self, BufWriter, Write};
 use std::sync::Arc;
 
 use axum::extract::{Request, State};
 use axum::http::{HeaderMap, HeaderValue, StatusCode, Uri, header};
-use axum::response::{IntoResponse, Response};
+use axum::response::IntoResponse;
 use jiff::Timestamp;
 use serde::Serialize;
 use sha2::{Digest, Sha256};
@@ -23,8 +23,6 @@ use super::extract::Named;
 use super::http_headers::{json, prefers, tagged_json};
 use super::page::{Cursor, Page, PageParams};
 use super::query::{FromQuery, NoQuery, Params, QueryReader, one_of};
-use super::spreadsheet::inert_names;
-use crate::admission::Permit;
 use crate::store::{DatasetPart, DatasetRemoval, DatasetRow, Datasets, NewDataset};
 use greybox::identification::DatasetId;
 use greybox::identification::spec::MAX_NAME_CHARS;
@@ -35,9 +33,6 @@ use greybox::recording::{Recording, Samples, Summary};
 const DEFAULT_POINTS: u64 = 2000;
 /// Points of a plot at the most.
 const MAX_POINTS: u64 = 100_000;
-/// Bytes of CSV that are written at once.
-const CSV_BUFFER_BYTES: usize = 64 * 1024;
-
 /// A stored recording.
 #[derive(Serialize, ToSchema)]
 pub struct Dataset {
@@ -425,9 +420,9 @@ pub async fn samples(
     let recording = recording.ok_or_else(|| no_dataset(id))?;
     check_names(&recording, query.signals.as_deref())?;
     if wants_csv {
-        return csv_answer(
+        return csv::answer(
             &bodies,
-            csv(Arc::unwrap_or_clone(recording), query)?,
+            csv::whole(Arc::unwrap_or_clone(recording), query)?,
             permit,
         )
         .await;
@@ -459,49 +454,4 @@ fn check_names(recording: &Recording, names: Option<&[String]>) -> Answer<()> {
     } else {
         Err(Problem::of_faults(Kind::Invalid, faults))
     }
-}
-
-/// What of a recording is written as CSV: every sample.
-fn csv(mut recording: Recording, query: SamplesQuery) -> Answer<Recording> {
-    for (parameter, given) in [
-        ("from", query.from.is_some()),
-        ("to", query.to.is_some()),
-        ("max_points", query.max_points.is_some()),
-    ] {
-        if given {
-            let detail = "text/csv always has all samples".to_owned();
-            return Err(query_fault(parameter, "invalid_parameter", detail));
-        }
-    }
-    if let Some(names) = query.signals {
-        recording
-            .signals
-            .retain(|signal| names.contains(&signal.name));
-    }
-    Ok(recording)
-}
-
-/// A recording as CSV: written to disk at once and from there as fast as its client reads, so that
-/// nothing in memory waits for a slow one. The permit is for the recording.
-pub(super) async fn csv_answer(bodies: &Bodies, recording: Recording, permit: Permit) -> Answer {
-    let spools = bodies.clone();
-    let written = bodies.work.convert(move || {
-        let (_permit, mut recording) = (permit, recording);
-        inert_names(&mut recording);
-        let write = || {
-            let mut spool = spools.spool()?;
-            let mut buffered = BufWriter::with_capacity(CSV_BUFFER_BYTES, &mut spool);
-            recording.write_csv(&mut buffered)?;
-            buffered.flush()?;
-            drop(buffered);
-            spool.into_body()
-        };
-        write().map_err(|error: io::Error| scratch_failed(&error))
-    });
-    let mut response = Response::new(written.await?);
-    let csv_type = HeaderValue::from_static("text/csv; charset=utf-8");
-    response
-        .headers_mut()
-        .insert(header::CONTENT_TYPE, csv_type);
-    Ok(response)
 }

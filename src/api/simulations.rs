@@ -12,7 +12,7 @@ use utoipa::{IntoParams, ToSchema};
 use super::ApiState;
 use super::body::JsonDocument;
 use super::client::Client;
-use super::datasets::{RecordingDocument, csv_answer};
+use super::datasets::{RecordingDocument, csv};
 use super::error::{Answer, Problem};
 use super::http_headers::{json, prefers};
 use super::query::{FromQuery, Params, QueryReader};
@@ -156,7 +156,7 @@ pub async fn simulate(
     let (simulated, permit) = simulated.await?;
     let (outputs, log_likelihood) = (simulated.recording, simulated.log_likelihood);
     if prefers(&headers, "text/csv") {
-        return csv_answer(&state.bodies, outputs, permit).await;
+        return csv::answer(&state.bodies, outputs, permit).await;
     }
     let points = query.max_points.unwrap_or(MAX_POINTS);
     let points = usize::try_from(points).expect("the limit is small");

@@ -12,7 +12,7 @@ use std::io;
 use std::sync::Arc;
 
 use super::columns::{self, from_json};
-use super::database::{self, QueryBuilder};
+use super::database::{self, Connection, QueryBuilder};
 use super::page::Page;
 use super::recordings::RecordingCache;
 use super::row_cache::RowCache;
@@ -122,16 +122,9 @@ impl Datasets {
     async fn read_recording(&self, id: DatasetId) -> Result<Option<Recording>, StoreError> {
         let key = id.to_string();
         let mut transaction = self.database.readers.begin_read().await?;
-        let mut query = QueryBuilder::new(SELECT);
-        query.push(" where id = ").push_bind(&key);
-        let stored = query.build().fetch_optional(&mut transaction).await?;
-        let Some(stored) = stored else {
+        let Some((name, description)) = described(&mut transaction, &key).await? else {
             return Ok(None);
         };
-        DATASETS.verify(&stored)?;
-        let name = stored.try_get("name")?;
-        let description: Description =
-            from_json("description", &key, stored.try_get("description")?)?;
         let chunks = database::query(
             "select dataset, position, chunk, samples, seal from dataset_chunks where dataset = $1 \
              order by position, chunk",
@@ -157,6 +150,21 @@ impl Datasets {
     pub async fn delete(&self, id: DatasetId) -> Result<DatasetRemoval, StoreError> {
         in_transaction!(self.database, |tx| delete(tx, id)).await
     }
+}
+
+/// The name of a recording and what it is without its samples; nothing where there is none.
+async fn described(
+    connection: &mut Connection,
+    key: &str,
+) -> Result<Option<(Option<String>, Description)>, StoreError> {
+    let mut query = QueryBuilder::new(SELECT);
+    query.push(" where id = ").push_bind(key);
+    let Some(stored) = query.build().fetch_optional(connection).await? else {
+        return Ok(None);
+    };
+    DATASETS.verify(&stored)?;
+    let description = from_json("description", key, stored.try_get("description")?)?;
+    Ok(Some((stored.try_get("name")?, description)))
 }
 
 pub(super) async fn delete(tx: &mut Tx, id: DatasetId) -> Result<DatasetRemoval, StoreError> {

@@ -15,7 +15,7 @@ use crate::api::work::Work;
 use crate::store::{StoreError, StreamRow, Streams};
 use greybox::recording::{CsvWriter, RowSignal, Rows};
 
-/// What is left of a part to be written.
+/// The part of a stream that is still to be written.
 struct Rest {
     streams: Streams,
     work: Work,

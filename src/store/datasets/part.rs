@@ -3,12 +3,10 @@
 use std::ops::Range;
 use std::sync::Arc;
 
-use super::row::{Description, SELECT};
-use super::{Datasets, decode};
-use crate::store::columns::from_json;
-use crate::store::database::{self, Connection, QueryBuilder};
+use super::{Datasets, decode, described};
+use crate::store::database::{self, Connection};
 use crate::store::recordings::RecordingCache;
-use crate::store::sealed::{DATASET_CHUNKS, DATASETS};
+use crate::store::sealed::DATASET_CHUNKS;
 use crate::store::{StoreError, corrupt};
 use greybox::identification::DatasetId;
 use greybox::recording::{Recording, TimeAxis};
@@ -55,15 +53,9 @@ impl Datasets {
     ) -> Result<Option<Recording>, StoreError> {
         let key = id.to_string();
         let mut transaction = self.database.readers.begin_read().await?;
-        let mut query = QueryBuilder::new(SELECT);
-        query.push(" where id = ").push_bind(&key);
-        let stored = query.build().fetch_optional(&mut transaction).await?;
-        let Some(stored) = stored else {
+        let Some((_, description)) = described(&mut transaction, &key).await? else {
             return Ok(None);
         };
-        DATASETS.verify(&stored)?;
-        let description: Description =
-            from_json("description", &key, stored.try_get("description")?)?;
         let of_recording = SeriesOf {
             dataset: &key,
             samples: description.samples,

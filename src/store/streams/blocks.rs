@@ -175,7 +175,7 @@ pub(super) async fn remove(
     Ok(before - stream.samples)
 }
 
-/// What is to be kept of a stream.
+/// The limits of what a stream keeps.
 pub(super) struct Kept {
     /// Blocks that end before this instant go, nanoseconds since 1970.
     pub(super) from: i64,
