@@ -110,3 +110,26 @@ test("signing out ends the session, also in another tab", { skip }, async () => 
   await tab.waitForFunction(() => document.querySelector("h1")?.textContent === "Sign in", PATIENCE);
   assert.equal(await tab.evaluate(async () => (await fetch("/v1/jobs")).status), 401);
 });
+
+test("the list asks for jobs while it asks for the session, and again once a person has signed in", {
+  skip,
+}, async () => {
+  const { page } = shared;
+  await page.bringToFront();
+  const asked = [];
+  page.on("response", (response) => {
+    const { pathname } = new URL(response.url());
+    if (["/v1/session", "/v1/jobs"].includes(pathname) && response.request().method() === "GET") {
+      asked.push(`${pathname} ${response.status()}`);
+    }
+  });
+  await page.goto(`${base}/#/jobs`, { waitUntil: "domcontentloaded" });
+  await page.reload({ waitUntil: "domcontentloaded" });
+  await heading("Sign in");
+  await page.waitForNetworkIdle(PATIENCE);
+  assert.ok(asked.includes("/v1/jobs 401"), asked.join(", "));
+  assert.equal((await page.$$("form.sign-in")).length, 1);
+  await sign(token);
+  await heading("Jobs");
+  await says("Try it with the demonstration rig");
+});

@@ -20,13 +20,31 @@ import { keepChoice, lastChoice, viewMenu } from "./views.js";
 const FIRST_PAGE = 100;
 const PAGE = 500;
 // While pages are read, the list is drawn again after this time, in milliseconds.
-const DRAWN_EACH = 250;
+const DRAWN_EACH = 1000;
 const MOST = 50_000;
 const MOST_LABELS = 40;
 const COMPARED = [2, 10];
 const SORTED_DOWN = ["created", "started", "finished", "trust", "duration", "generations", "evaluations"];
 // What the address leaves out.
 const USUAL_LIST = { group: "", columns: USUAL };
+
+// The newest jobs that were asked for before the list is shown.
+/** @type {ReturnType<typeof readPage> | null} */
+let newest = null;
+
+export function askAhead() {
+  newest = readPage(FIRST_PAGE);
+  newest.catch(() => {});
+}
+
+/**
+ * @param {number} limit
+ * @param {string | null} [token]
+ * @param {AbortSignal} [signal]
+ */
+function readPage(limit, token = null, signal) {
+  return get(`/v1/jobs${query({ view: "summary", limit, page_token: token })}`, signal);
+}
 
 export function showJobs(view) {
   const list = new JobList(view);
@@ -309,8 +327,13 @@ class JobList {
   // The newest jobs are on the screen before anything else is asked for. The stream of changes needs a moment
   // to open, and the description of the API is long.
   async open() {
+    const asked = newest ?? readPage(FIRST_PAGE, null, this.view.signal);
+    newest = null;
     try {
-      const { data } = await this.page(FIRST_PAGE, null, this.view.signal);
+      const { data } = await asked;
+      if (this.view.signal.aborted) {
+        return;
+      }
       this.takePage(data);
     } catch (error) {
       if (this.view.signal.aborted) {
@@ -320,10 +343,6 @@ class JobList {
     }
     this.follow();
     described().then(this.offerNames, (error) => this.outcome.fail(error));
-  }
-
-  page(limit, token, signal) {
-    return get(`/v1/jobs${query({ view: "summary", limit, page_token: token })}`, signal);
   }
 
   /** @param {{ items: any[], next_page_token?: string }} data */
@@ -366,8 +385,8 @@ class JobList {
     });
   }
 
-  // Reads all jobs. Each page is asked for before the page ahead of it is handled, and the list is drawn a few
-  // times a second, since the rows in sight rarely change meanwhile.
+  // Reads all jobs. Each page is asked for before the page ahead of it is handled, and the list is drawn once
+  // a second, since the rows in sight rarely change meanwhile.
   async load() {
     this.loading?.abort();
     const loading = new AbortController();
@@ -377,12 +396,12 @@ class JobList {
     const seen = new Set();
     let drawn = performance.now();
     try {
-      let next = this.page(PAGE, null, loading.signal);
+      let next = readPage(PAGE, null, loading.signal);
       while (next) {
         const { data } = await next;
         const token = data.next_page_token;
         const length = seen.size + data.items.length;
-        next = token && length < MOST ? this.page(PAGE, token, loading.signal) : null;
+        next = token && length < MOST ? readPage(PAGE, token, loading.signal) : null;
         this.isCut = Boolean(token);
         for (const { id } of data.items) {
           seen.add(id);

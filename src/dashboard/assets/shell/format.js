@@ -100,9 +100,17 @@ export function size(bytes) {
     : "–";
 }
 
-const INSTANT = new Intl.DateTimeFormat(undefined, { dateStyle: "medium", timeStyle: "short" });
+/** @type {Map<string, Intl.DateTimeFormat>} */
+const instantFormats = new Map();
 
-const MOMENT = new Intl.DateTimeFormat(undefined, { dateStyle: "medium", timeStyle: "medium" });
+// A format takes milliseconds to make, so that it is made when the first instant needs it.
+/** @param {"short" | "medium"} timeStyle */
+function instantFormat(timeStyle) {
+  const format =
+    instantFormats.get(timeStyle) ?? new Intl.DateTimeFormat(undefined, { dateStyle: "medium", timeStyle });
+  instantFormats.set(timeStyle, format);
+  return format;
+}
 
 // Writes an instant to the minute, or to the second where the second tells instants apart.
 export function instant(text, toTheSecond = false) {
@@ -112,13 +120,13 @@ export function instant(text, toTheSecond = false) {
   const element = document.createElement("time");
   element.dateTime = text;
   element.title = text;
-  element.textContent = (toTheSecond ? MOMENT : INSTANT).format(new Date(text));
+  element.textContent = instantFormat(toTheSecond ? "medium" : "short").format(new Date(text));
   return element;
 }
 
 // Writes the span between two instants to the second; a day that both share stands once.
 export function timeSpan(from, to) {
-  return from && to ? MOMENT.formatRange(new Date(from), new Date(to)) : "–";
+  return from && to ? instantFormat("medium").formatRange(new Date(from), new Date(to)) : "–";
 }
 
 export function words(name) {

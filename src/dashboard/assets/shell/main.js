@@ -88,10 +88,15 @@ async function showVersion() {
   document.getElementById("version").textContent = `greybox ${data.version ?? ""}`;
 }
 
-// Where the server asks who calls, signing in comes first. The modules of the view come meanwhile.
+// Where the server asks who calls, signing in comes first. Meanwhile the modules of the view come, and a view
+// that exports `askAhead` asks for its first data.
 async function begin() {
   const [path] = addressed();
-  VIEWS.find(([pattern]) => pattern.test(path))?.[1]().catch(() => {});
+  const view = VIEWS.find(([pattern]) => pattern.test(path));
+  view?.[1]().then(
+    (modules) => modules.askAhead?.(),
+    () => {},
+  );
   (await isKnown()) ? route() : signIn();
 }
 
@@ -106,5 +111,6 @@ function signIn() {
 
 addEventListener("hashchange", route);
 addEventListener(SIGNED_OUT, signIn);
-begin();
-showVersion().catch(() => {});
+begin()
+  .then(showVersion)
+  .catch(() => {});
