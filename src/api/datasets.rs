@@ -422,7 +422,7 @@ pub async fn samples(
     if wants_csv {
         return csv::answer(
             &bodies,
-            csv::whole(Arc::unwrap_or_clone(recording), query)?,
+            whole(Arc::unwrap_or_clone(recording), query)?,
             permit,
         )
         .await;
@@ -454,4 +454,24 @@ fn check_names(recording: &Recording, names: Option<&[String]>) -> Answer<()> {
     } else {
         Err(Problem::of_faults(Kind::Invalid, faults))
     }
+}
+
+/// A recording with the signals of which every sample is written.
+fn whole(mut recording: Recording, query: SamplesQuery) -> Answer<Recording> {
+    for (parameter, given) in [
+        ("from", query.from.is_some()),
+        ("to", query.to.is_some()),
+        ("max_points", query.max_points.is_some()),
+    ] {
+        if given {
+            let detail = "text/csv always has all samples".to_owned();
+            return Err(query_fault(parameter, "invalid_parameter", detail));
+        }
+    }
+    if let Some(names) = query.signals {
+        recording
+            .signals
+            .retain(|signal| names.contains(&signal.name));
+    }
+    Ok(recording)
 }

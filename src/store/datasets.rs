@@ -11,12 +11,12 @@ mod row;
 use std::io;
 use std::sync::Arc;
 
-use super::columns::{self, from_json};
-use super::database::{self, Connection, QueryBuilder};
+use super::columns;
+use super::database::{self, QueryBuilder};
 use super::page::Page;
 use super::recordings::RecordingCache;
 use super::row_cache::RowCache;
-use super::sealed::{DATASET_CHUNKS, DATASETS};
+use super::sealed::DATASET_CHUNKS;
 use super::shared_database::Database;
 use super::writer::{Tx, in_transaction};
 use super::{Change, StoreError, corrupt};
@@ -24,10 +24,11 @@ use crate::access::Project;
 use greybox::identification::{DatasetId, JobId};
 use greybox::recording::{NewScratch, Recording, TimeAxis};
 
+use chunks::decode;
 pub(super) use insertion::{Turn, insert_as, remove_abandoned};
 pub use part::DatasetPart;
 pub use row::{DatasetRow, NewDataset};
-use row::{Description, SELECT, read};
+use row::{Description, SELECT, described, read};
 
 /// What became of a wish to remove a recording.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -119,6 +120,34 @@ impl Datasets {
         Ok(read)
     }
 
+    /// A recording with the wanted samples and their instants: as a whole where it is small enough to be kept in
+    /// memory, else no more than the part.
+    pub async fn with_part(
+        &self,
+        id: DatasetId,
+        wanted: DatasetPart,
+    ) -> Result<Option<Arc<Recording>>, StoreError> {
+        let row = self.find(id).await?;
+        let is_large = row.is_some_and(|row| {
+            let series = row.summary.signals.len() + 1;
+            !RecordingCache::may_keep(row.summary.samples, series)
+        });
+        if is_large {
+            return Ok(self.part(id, wanted).await?.map(Arc::new));
+        }
+        self.recording(id).await
+    }
+
+    /// A part of a recording.
+    pub(super) async fn part(
+        &self,
+        id: DatasetId,
+        wanted: DatasetPart,
+    ) -> Result<Option<Recording>, StoreError> {
+        let mut transaction = self.database.readers.begin_read().await?;
+        part::read(&mut transaction, &id.to_string(), wanted).await
+    }
+
     async fn read_recording(&self, id: DatasetId) -> Result<Option<Recording>, StoreError> {
         let key = id.to_string();
         let mut transaction = self.database.readers.begin_read().await?;
@@ -150,21 +179,6 @@ impl Datasets {
     pub async fn delete(&self, id: DatasetId) -> Result<DatasetRemoval, StoreError> {
         in_transaction!(self.database, |tx| delete(tx, id)).await
     }
-}
-
-/// The name of a recording and what it is without its samples; nothing where there is none.
-async fn described(
-    connection: &mut Connection,
-    key: &str,
-) -> Result<Option<(Option<String>, Description)>, StoreError> {
-    let mut query = QueryBuilder::new(SELECT);
-    query.push(" where id = ").push_bind(key);
-    let Some(stored) = query.build().fetch_optional(connection).await? else {
-        return Ok(None);
-    };
-    DATASETS.verify(&stored)?;
-    let description = from_json("description", key, stored.try_get("description")?)?;
-    Ok(Some((stored.try_get("name")?, description)))
 }
 
 pub(super) async fn delete(tx: &mut Tx, id: DatasetId) -> Result<DatasetRemoval, StoreError> {
@@ -229,9 +243,4 @@ fn assemble(
         signals,
         notes: description.notes,
     })
-}
-
-fn decode(bytes: &[u8]) -> impl Iterator<Item = f64> {
-    let (samples, _) = bytes.as_chunks();
-    samples.iter().map(|sample| f64::from_le_bytes(*sample))
 }

@@ -5,7 +5,6 @@ use std::io::{self, BufWriter, Write};
 use axum::http::{HeaderValue, header};
 use axum::response::Response;
 
-use super::{SamplesQuery, query_fault};
 use crate::admission::Permit;
 use crate::api::body::{Bodies, scratch_failed};
 use crate::api::error::Answer;
@@ -14,26 +13,6 @@ use greybox::recording::Recording;
 
 /// Bytes of CSV that are written at once.
 const CSV_BUFFER_BYTES: usize = 64 * 1024;
-
-/// A recording with the signals of which every sample is written.
-pub(super) fn whole(mut recording: Recording, query: SamplesQuery) -> Answer<Recording> {
-    for (parameter, given) in [
-        ("from", query.from.is_some()),
-        ("to", query.to.is_some()),
-        ("max_points", query.max_points.is_some()),
-    ] {
-        if given {
-            let detail = "text/csv always has all samples".to_owned();
-            return Err(query_fault(parameter, "invalid_parameter", detail));
-        }
-    }
-    if let Some(names) = query.signals {
-        recording
-            .signals
-            .retain(|signal| names.contains(&signal.name));
-    }
-    Ok(recording)
-}
 
 /// A recording as CSV: written to disk at once and from there as fast as its client reads, so that
 /// nothing in memory waits for a slow one. The permit is for the recording.

@@ -155,3 +155,9 @@ impl Cutter {
         Ok(())
     }
 }
+
+/// The samples of a chunk.
+pub(super) fn decode(bytes: &[u8]) -> impl Iterator<Item = f64> {
+    let (samples, _) = bytes.as_chunks();
+    samples.iter().map(|sample| f64::from_le_bytes(*sample))
+}

@@ -1,14 +1,12 @@
 //! A part of a recording that is too large to be kept in memory: some of its signals, between two instants.
 
 use std::ops::Range;
-use std::sync::Arc;
 
-use super::{Datasets, decode, described};
+use super::chunks::decode;
+use super::row::described;
 use crate::store::database::{self, Connection};
-use crate::store::recordings::RecordingCache;
 use crate::store::sealed::DATASET_CHUNKS;
 use crate::store::{StoreError, corrupt};
-use greybox::identification::DatasetId;
 use greybox::recording::{Recording, TimeAxis};
 
 /// Bytes of a sample.
@@ -25,70 +23,48 @@ pub struct DatasetPart {
     pub to: Option<f64>,
 }
 
-impl Datasets {
-    /// A recording with the wanted samples and their instants: as a whole where it is small enough to be kept in
-    /// memory, else no more than the part.
-    pub async fn with_part(
-        &self,
-        id: DatasetId,
-        wanted: DatasetPart,
-    ) -> Result<Option<Arc<Recording>>, StoreError> {
-        let row = self.find(id).await?;
-        let is_large = row.is_some_and(|row| {
-            let series = row.summary.signals.len() + 1;
-            !RecordingCache::may_keep(row.summary.samples, series)
-        });
-        if is_large {
-            return Ok(self.part(id, wanted).await?.map(Arc::new));
-        }
-        self.recording(id).await
-    }
-
-    /// A part of a recording, each sample at the instant that it has in the whole. Only chunks that hold wanted
-    /// samples are read. Names that the recording does not have are left out, and how good samples are.
-    pub(in crate::store) async fn part(
-        &self,
-        id: DatasetId,
-        wanted: DatasetPart,
-    ) -> Result<Option<Recording>, StoreError> {
-        let key = id.to_string();
-        let mut transaction = self.database.readers.begin_read().await?;
-        let Some((_, description)) = described(&mut transaction, &key).await? else {
-            return Ok(None);
-        };
-        let of_recording = SeriesOf {
-            dataset: &key,
+/// A part of a recording, each sample at the instant that it has in the whole. Only chunks that hold wanted samples are
+/// read. Names that the recording does not have are left out, and how good samples are.
+pub(super) async fn read(
+    connection: &mut Connection,
+    key: &str,
+    wanted: DatasetPart,
+) -> Result<Option<Recording>, StoreError> {
+    let Some((_, description)) = described(connection, key).await? else {
+        return Ok(None);
+    };
+    let of_recording = SeriesOf {
+        dataset: key,
+        samples: description.samples,
+    };
+    let time = match description.sample_time {
+        Some(sample_time) => TimeAxis::Uniform {
+            sample_time,
             samples: description.samples,
-        };
-        let time = match description.sample_time {
-            Some(sample_time) => TimeAxis::Uniform {
-                sample_time,
-                samples: description.samples,
-            },
-            None => {
-                let all = 0..description.samples;
-                TimeAxis::Instants(of_recording.read(&mut transaction, 0, all).await?)
-            }
-        };
-        let range = time.between(wanted.from, wanted.to);
-        let is_wanted = |name: &String| {
-            wanted
-                .signals
-                .as_ref()
-                .is_none_or(|names| names.contains(name))
-        };
-        let mut signals = Vec::new();
-        for (place, mut signal) in description.signals.into_iter().enumerate() {
-            if is_wanted(&signal.name) {
-                signal.classes.clear();
-                let position = place as i64 + 1;
-                let values = of_recording.read(&mut transaction, position, range.clone());
-                signals.push(signal.with_values(values.await?));
-            }
+        },
+        None => {
+            let all = 0..description.samples;
+            TimeAxis::Instants(of_recording.read(connection, 0, all).await?)
         }
-        let instants = range.map(|sample| time.instant(sample)).collect();
-        Ok(Some(Recording::new(TimeAxis::Instants(instants), signals)))
+    };
+    let range = time.between(wanted.from, wanted.to);
+    let is_wanted = |name: &String| {
+        wanted
+            .signals
+            .as_ref()
+            .is_none_or(|names| names.contains(name))
+    };
+    let mut signals = Vec::new();
+    for (place, mut signal) in description.signals.into_iter().enumerate() {
+        if is_wanted(&signal.name) {
+            signal.classes.clear();
+            let position = place as i64 + 1;
+            let values = of_recording.read(connection, position, range.clone());
+            signals.push(signal.with_values(values.await?));
+        }
     }
+    let instants = range.map(|sample| time.instant(sample)).collect();
+    Ok(Some(Recording::new(TimeAxis::Instants(instants), signals)))
 }
 
 /// The series of a recording.

@@ -5,7 +5,7 @@ use serde::{Deserialize, Serialize};
 
 use crate::access::Project;
 use crate::store::columns::{from_json, project, time};
-use crate::store::database::Row;
+use crate::store::database::{Connection, QueryBuilder, Row};
 use crate::store::sealed::DATASETS;
 use crate::store::{StoreError, corrupt};
 use greybox::identification::DatasetId;
@@ -93,4 +93,19 @@ pub(super) fn read(row: &Row) -> Result<DatasetRow, StoreError> {
         created_at: time(id, row.try_get("created_at")?)?,
         id: id.parse().map_err(|why| corrupt("identifier", id, why))?,
     })
+}
+
+/// The name of a recording and what it is without its samples; nothing where there is none.
+pub(super) async fn described(
+    connection: &mut Connection,
+    key: &str,
+) -> Result<Option<(Option<String>, Description)>, StoreError> {
+    let mut query = QueryBuilder::new(SELECT);
+    query.push(" where id = ").push_bind(key);
+    let Some(stored) = query.build().fetch_optional(connection).await? else {
+        return Ok(None);
+    };
+    DATASETS.verify(&stored)?;
+    let description = from_json("description", key, stored.try_get("description")?)?;
+    Ok(Some((stored.try_get("name")?, description)))
 }

@@ -24,7 +24,7 @@ use greybox_simulation::Accuracy;
 use linearisation::{SHORT, sides};
 use serde::{Deserialize, Serialize};
 use std::sync::atomic::AtomicBool;
-use trial::Trial;
+use trial::{Standing, Trial};
 
 /// Iterations of a descent at the most; a short record may have more of them.
 fn most_iterations(accuracy: Accuracy, rows: usize) -> u32 {
@@ -315,7 +315,18 @@ impl Descent {
     ) -> Option<Step> {
         let least = self.columns(problem) as usize + FEWEST_OTHERS;
         let others = FEWEST_OTHERS + least.next_multiple_of(LANES) - least;
-        let trials = self.trials(problem, linearisation, 1 + others);
+        let standing = Standing {
+            positions: &self.positions,
+            damping: self.damping,
+            stretch: self.stretch,
+            last_step: if self.is_polished() {
+                &self.last_step
+            } else {
+                &[]
+            },
+            distance: self.distance,
+        };
+        let trials = standing.trials(problem, linearisation, 1 + others);
         let Some((boldest, others)) = trials.split_first() else {
             return Some(Step::nowhere());
         };

@@ -16,7 +16,7 @@ pub use direction::FlatDirection;
 
 use super::budget::{Budget, Extended};
 use super::probes;
-use super::rules::is_too_wide;
+use super::width::is_too_wide;
 use crate::estimation::feasible;
 use crate::estimation::problem::{Coordinate, Problem};
 use crate::estimation::sensitivity::{self, SensitivityError, Sides};

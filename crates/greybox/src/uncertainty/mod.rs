@@ -48,6 +48,7 @@ pub mod validation_start;
 pub mod verdict;
 pub mod weighing;
 pub mod whitening;
+mod width;
 pub mod windows;
 
 pub use analyser::{Analyser, Conclusion, conclude};

@@ -6,8 +6,6 @@ mod noise;
 mod posterior;
 mod width;
 
-pub(super) use width::is_too_wide;
-
 use super::Analysis;
 use super::verdict::{Doubt, Judgement, Rule, Subject, Trust};
 use crate::estimation::problem::{Coordinate, Problem, Target};

@@ -1,7 +1,7 @@
 //! The steps that an iteration of a descent tries.
 
 use super::linearisation::{Linearisation, SMALLEST_DAMPING};
-use super::{Descent, feasible};
+use crate::estimation::feasible;
 use crate::estimation::problem::Problem;
 
 /// The dampings that are tried, relative to the last good one: the first always, of the others as
@@ -45,7 +45,21 @@ pub(super) struct Trial {
     pub(super) positions: Vec<f64>,
 }
 
-impl Descent {
+/// Where a descent stands, and how it came there.
+pub(super) struct Standing<'a> {
+    /// Where the descent is.
+    pub(super) positions: &'a [f64],
+    /// The last good damping.
+    pub(super) damping: f64,
+    /// How much longer the last step was than the linear model had it.
+    pub(super) stretch: f64,
+    /// The last step; nothing before the first, and in a descent that is simulated coarsely.
+    pub(super) last_step: &'a [f64],
+    /// How far the linear model's minimum was away, in standard errors.
+    pub(super) distance: Option<f64>,
+}
+
+impl Standing<'_> {
     /// The steps that are tried, the boldest first. Where dampings change nothing any more, shorter and longer steps
     /// are tried in their place: innovations that are not as the noise model has them have another curvature than
     /// the expected one, by a factor that the descent learns.
@@ -62,7 +76,7 @@ impl Descent {
         if !is_undamped || is_curved {
             let factors = DAMPING_FACTORS.iter().take(at_most);
             let dampings = factors.map(|factor| (self.damping * factor).max(SMALLEST_DAMPING));
-            let trials = trial_steps(problem, linearisation, &self.positions, dampings);
+            let trials = trial_steps(problem, linearisation, self.positions, dampings);
             let undamped = trials.into_iter().map(|(damping, positions)| Trial {
                 damping,
                 stretch: 1.0,
@@ -74,7 +88,7 @@ impl Descent {
             trials.extend(onwards);
             return trials;
         }
-        let Some(outlook) = linearisation.moved(problem, &self.positions, self.damping) else {
+        let Some(outlook) = linearisation.moved(problem, self.positions, self.damping) else {
             return Vec::new();
         };
         let stretches = STRETCHES.iter().take(at_most);
@@ -97,11 +111,11 @@ impl Descent {
         let is_off = self
             .distance
             .is_some_and(|distance| distance > MOMENTA_BEYOND);
-        if !self.is_polished() || self.last_step.is_empty() || !is_off {
+        if self.last_step.is_empty() || !is_off {
             return Vec::new();
         }
         let longer = MOMENTA.iter().filter_map(|factor| {
-            let pairs = self.positions.iter().zip(&self.last_step);
+            let pairs = self.positions.iter().zip(self.last_step);
             let moved = pairs.map(|(here, step)| (here + factor * step).clamp(0.0, 1.0));
             Some(Trial {
                 damping: self.damping,

@@ -4,23 +4,16 @@
 //! the interval holds says nothing: totals of the servo are 5 to 23 times as wide as those of noise.
 
 use super::{Case, short};
-use crate::estimation::problem::Coordinate;
 use crate::uncertainty::budget::{BETTER, Line};
 use crate::uncertainty::covariance::NORMAL_95;
 use crate::uncertainty::verdict::{Doubt, Rule, Subject, Trust};
-use greybox_simulation::model::Scale;
+use crate::uncertainty::width::{LOW_SHARE, magnitude, share_of_magnitude};
 
 /// A total standard error beyond this share of the value makes the trust moderate.
 const MODERATE_SHARE: f64 = 0.1;
-/// A total standard error beyond this share of the value makes the trust low.
-const LOW_SHARE: f64 = 0.5;
 /// Where explanations of the record differ and the total interval covers each of them, a half of the interval
 /// beyond this share of the value makes the trust low.
 const LOW_HALF: f64 = 0.5;
-/// Where a linear search range holds 0, an error is measured by this share of its largest magnitude
-/// at the least: an offset that is not there is known to no share of its value.
-const SHARE_OF_RANGE: f64 = 0.25;
-
 /// The total standard error of a coordinate.
 struct IntervalWidth {
     coordinate: usize,
@@ -146,33 +139,6 @@ impl Case<'_> {
             true => format!("{size} ({} %)", short(100.0 * error / value)),
             false => size,
         }
-    }
-}
-
-/// An error of a value as a share of what it is measured by.
-fn share_of_magnitude(coordinate: &Coordinate, value: f64, error: f64) -> f64 {
-    error / magnitude(coordinate, value).max(f64::MIN_POSITIVE)
-}
-
-/// Whether an error alone makes a value one that cannot be trusted.
-pub(in crate::uncertainty) fn is_too_wide(coordinate: &Coordinate, value: f64, error: f64) -> bool {
-    let share = share_of_magnitude(coordinate, value, error);
-    share.is_nan() || share > LOW_SHARE
-}
-
-/// What the error of a value is measured by: its magnitude, or a share of the search range where the
-/// range says that the value may be 0.
-fn magnitude(coordinate: &Coordinate, value: f64) -> f64 {
-    let Coordinate {
-        lower,
-        upper,
-        scale,
-        ..
-    } = *coordinate;
-    let of_range = SHARE_OF_RANGE * lower.abs().max(upper.abs());
-    match scale == Scale::Linear && lower <= 0.0 && upper >= 0.0 {
-        true => value.abs().max(of_range),
-        false => value.abs(),
     }
 }
 
