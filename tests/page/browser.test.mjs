@@ -23,6 +23,7 @@ import {
   write,
 } from "./browser.mjs";
 import { base, designJob, disturbedJob, ended, JOB, post, recording } from "./server.mjs";
+import { tourOfAResult } from "./tour.mjs";
 import { windowsOfAForm, windowsOfARecording } from "./windows.mjs";
 
 const skip = base && tools ? false : "GREYBOX_URL and PAGE_TOOLS are not set";
@@ -380,6 +381,8 @@ test("the newest jobs are on the screen although the stream of changes has not o
   assert.deepEqual(page.faults, []);
   await page.close();
 });
+
+test("a tour of the first result", { skip }, () => tourOfAResult(shared.jobs[0], shared.checker));
 
 test("the verdict prepares the job to run next", { skip }, async () => {
   const job = JOB(shared.dataset, "icra_genetic");

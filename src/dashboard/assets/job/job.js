@@ -7,7 +7,7 @@ import { get, send } from "../shell/api.js";
 import { facts, h, notice, problemBox } from "../shell/dom.js";
 import { instant } from "../shell/format.js";
 import { FOLLOWS } from "../shell/prepared.js";
-import { contentsOf } from "./contents.js";
+import { contentsOf, startTour } from "./contents.js";
 import { designPanel } from "./design.js";
 import { disturbancePanel } from "./disturbance.js";
 import { isFinished, JobFeed } from "./feed.js";
@@ -94,10 +94,14 @@ export function showJob(view, id) {
         arrange(result !== null && isFinished(job));
         if (result) {
           // The grade stands beside the state: a job that succeeded may have numbers that must not be used.
-          parts.state.replaceChildren(badge(job.status), " ", ...trust(result));
+          const grade = trust(result);
+          parts.state.replaceChildren(badge(job.status), " ", ...grade);
           panels.trajectory.load(job);
           panels.disturbance.load(job, result);
           contents.draw();
+          if (job.status === "succeeded" && grade.length > 0) {
+            startTour(parted);
+          }
         }
       });
     },
