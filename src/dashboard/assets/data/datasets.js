@@ -140,7 +140,7 @@ function datasetParts(view, dataset, outcome) {
 // The windows that are chosen on the page of a recording become the experiments of a new job.
 function windowsOfNewJob(view, dataset) {
   const windows = [];
-  const start = h("a", { class: "button", href: `#/new?dataset=${dataset.id}` });
+  const start = h("a", { class: "button primary", href: `#/new?dataset=${dataset.id}` });
   const draw = () => {
     chooser.draw(windows, (k) => `Window ${k + 1}`);
     chooser.shade();
@@ -188,7 +188,15 @@ function plots(view, dataset, outcome, chooser) {
   };
   more.addEventListener("click", draw);
   draw();
-  return h("div", {}, chooser.element, place, more);
+  return h(
+    "section",
+    { "aria-label": "Samples" },
+    h("h2", {}, "Samples"),
+    h("p", { class: "quiet" }, "Windows that are chosen here become the experiments of a new job."),
+    chooser.element,
+    place,
+    more,
+  );
 }
 
 // Plots signals over a common time and shades what the quality report says about them. `onBrush` and

@@ -267,11 +267,10 @@ class RecordingPart {
     const { job } = this;
     const title = this.recording?.name || this.dataset;
     const numbers = places.map((k) => k + 1);
-    const experiments = numbers.length > 1 ? `Experiments ${numbers.join(", ")}` : `Experiment ${numbers[0]}`;
     const takeOut = () =>
       job.set(places.reduceRight((spec, k) => changed(spec, ["experiments", k], undefined), job.spec));
     this.head.replaceChildren(
-      h("h3", {}, `${experiments}: ${title}`),
+      h("h3", {}, this.recording ? title : `Experiment ${numbers.join(", ")}: ${title}`),
       h(
         "button",
         { type: "button", class: "small", "aria-label": `Take out ${title}`, onclick: takeOut },
