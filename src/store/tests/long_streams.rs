@@ -140,8 +140,8 @@ async fn the_oldest_samples_make_room_for_the_newest(fixture: Fixture) {
 
 async fn a_block_of_an_earlier_version_is_shown_and_grows(fixture: Fixture) {
     let store = &fixture.store;
-    let one = new_batch([(5 * S, 1.0)].into_iter(), Keep::default());
-    append(store, one).await;
+    let first = new_batch([(5 * S, 1.0)].into_iter(), Keep::default());
+    append(store, first).await;
     // The instants 5 and 7 s, the values 1.5 and 2.5, and two classes, without a seal.
     let earlier = store.readers().kind().either(
         "update stream_blocks set last_ns = 7000000000, rows = 2, seal = null, \
