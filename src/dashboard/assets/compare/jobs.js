@@ -100,7 +100,7 @@ function parts(runs) {
       "Differences of the specifications",
       [{ title: "Where" }, ...runs.map((_, k) => ({ title: `Job ${k + 1}` }))],
       changed.map(([pointer, values]) => [h("code", {}, pointer), ...values.map(shown)]),
-      { empty: "Nothing: the specifications are the same." },
+      { empty: "Nothing: the specifications are the same.", stacked: true },
     ),
   ];
 }

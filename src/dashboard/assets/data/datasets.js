@@ -48,7 +48,7 @@ export function showDatasets(view) {
       state.next = data.next_page_token;
       more.hidden = !state.next;
       list.replaceChildren(
-        table("Datasets", COLUMNS, state.rows.map(datasetRow), { empty: "No datasets yet." }),
+        table("Datasets", COLUMNS, state.rows.map(datasetRow), { empty: "No datasets yet.", stacked: true }),
       );
     } catch (error) {
       outcome.fail(error);
@@ -132,6 +132,7 @@ function datasetParts(view, dataset, outcome) {
           ...values.map((value) => number(toShown(value, unit))),
         ];
       }),
+      { stacked: true },
     ),
     plots(view, dataset, outcome, windows.chooser),
   ];

@@ -15,7 +15,7 @@ export function progressPanel(view) {
   const cost = plot({
     title: "Cost in the search, by generation",
     signal: view.signal,
-    x: { label: "generation", unit: "" },
+    x: { label: "generation", unit: "", whole: true },
     y: { label: "cost", unit: "", log: true },
     series: [
       { name: "best", look: "first" },
@@ -25,7 +25,7 @@ export function progressPanel(view) {
   const credit = plot({
     title: "Best credit per generation",
     signal: view.signal,
-    x: { label: "generation", unit: "" },
+    x: { label: "generation", unit: "", whole: true },
     y: { label: "credit", unit: "" },
     series: [{ name: "best credit", look: "second" }],
   });

@@ -47,9 +47,9 @@ export const COLUMNS = [
     numeric: true,
   },
   { key: "cost", title: "Best cost", text: ({ progress }) => number(progress?.best_cost, 4), numeric: true },
-  { key: "created", title: "Created", widest: "Sept 30, 2026, 10:00 PM" },
-  { key: "started", title: "Started", widest: "Sept 30, 2026, 10:00 PM" },
-  { key: "finished", title: "Finished", widest: "Sept 30, 2026, 10:00 PM" },
+  { key: "created", title: "Created", widest: "Sept 30, 2026, 10:00 PM__" },
+  { key: "started", title: "Started", widest: "Sept 30, 2026, 10:00 PM__" },
+  { key: "finished", title: "Finished", widest: "Sept 30, 2026, 10:00 PM__" },
 ];
 
 export const USUAL = [

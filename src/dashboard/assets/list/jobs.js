@@ -58,7 +58,7 @@ export function showJobs(view) {
       list.bulk.element,
       list.connection,
     ),
-    list.fields(),
+    list.choices,
     list.outcome.place,
     list.summary,
     list.rows.element,
@@ -109,6 +109,7 @@ class JobList {
     this.bulk = new BulkActions(selected, this.outcome);
     this.rows.orderBy(this.filter.sort, this.filter.descending);
     this.rows.setColumns(columnsShown(this.filter.columns));
+    this.choices = this.fields();
     addEventListener("resize", () => this.rows.resize(), { signal: view.signal });
   }
 
@@ -305,7 +306,12 @@ class JobList {
       shown.length === all ? `${count(all)} jobs` : `${count(shown.length)} of ${count(all)} jobs`;
     this.summary.textContent = this.whole ? counted : `${counted}, reading more …`;
     this.emptyNote.hidden = !this.whole || all === 0 || shown.length > 0;
-    this.start.hidden = !this.loaded || all > 0;
+    // Without a job there is nothing to choose among and to compare.
+    const isEmpty = this.loaded && all === 0;
+    this.start.hidden = !isEmpty;
+    for (const element of [this.choices, this.summary, this.compare]) {
+      element.hidden = isEmpty;
+    }
   }
 
   take(job) {

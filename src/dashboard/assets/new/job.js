@@ -114,7 +114,14 @@ class NewJob {
     this.guided = h(
       "div",
       { class: "steps", onchange: ({ target }) => this.reports.set(target, target.value) },
-      this.parts.map(({ element }) => element),
+      // A very wide page has the recordings and the model beside what is asked of them.
+      [this.parts.slice(0, 2), this.parts.slice(2)].map((column) =>
+        h(
+          "div",
+          {},
+          column.map(({ element }) => element),
+        ),
+      ),
     );
     this.json = h("div", { hidden: true }, this.text.element);
     this.button = h(

@@ -62,7 +62,10 @@ class MonitorPage {
       failed: (error) => this.outcome.fail(error),
       draw: (rows) => {
         this.drawPlots();
-        return table("Alarms", ALARM_COLUMNS, rows.map(alarmRow), { empty: "No alarm was raised." });
+        return table("Alarms", ALARM_COLUMNS, rows.map(alarmRow), {
+          empty: "No alarm was raised.",
+          stacked: true,
+        });
       },
     });
     this.spec = h("pre", { tabindex: "0" });

@@ -34,7 +34,7 @@ export function showMonitors(view) {
         "Monitors",
         COLUMNS,
         rows.map((row) => monitorRow(row, details.get(row.id))),
-        { empty: "No monitors yet." },
+        { empty: "No monitors yet.", stacked: true },
       ),
   });
   plantHead(

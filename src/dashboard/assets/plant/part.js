@@ -153,7 +153,7 @@ export class PartPlots {
         number(greatest),
       ];
     });
-    this.summary.replaceChildren(table("Signals in this part", SIGNAL_COLUMNS, rows));
+    this.summary.replaceChildren(table("Signals in this part", SIGNAL_COLUMNS, rows, { stacked: true }));
   }
 
   addPlots() {

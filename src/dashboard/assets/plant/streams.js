@@ -25,7 +25,8 @@ export function showStreams(view) {
     address: "/v1/streams",
     more: "More streams",
     failed: (error) => outcome.fail(error),
-    draw: (rows) => table("Streams", COLUMNS, rows.map(streamRow), { empty: "No streams yet." }),
+    draw: (rows) =>
+      table("Streams", COLUMNS, rows.map(streamRow), { empty: "No streams yet.", stacked: true }),
   });
   plantHead(view, "/plant/streams", "Streams");
   view.root.append(

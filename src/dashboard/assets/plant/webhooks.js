@@ -39,7 +39,7 @@ export function showWebhooks(view) {
       const { data } = await get("/v1/webhooks", view.signal);
       content.hidden = false;
       list.replaceChildren(
-        table("Webhooks", COLUMNS, items(data).map(webhookRow), { empty: "No webhooks yet." }),
+        table("Webhooks", COLUMNS, items(data).map(webhookRow), { empty: "No webhooks yet.", stacked: true }),
       );
     } catch (error) {
       outcome.fail(error);
@@ -148,7 +148,7 @@ export function showWebhook(view, id) {
         "Deliveries",
         DELIVERY_COLUMNS,
         rows.map((row) => deliveryRow(row, resend)),
-        { empty: "Nothing was to be delivered yet." },
+        { empty: "Nothing was to be delivered yet.", stacked: true },
       ),
   });
   content.append(

@@ -88,7 +88,7 @@ export function windowTable(windows) {
       "Windows",
       columns,
       windows.toReversed().map((window) => windowRow(window, parameters)),
-      { empty: "No window was worked yet." },
+      { empty: "No window was worked yet.", stacked: true },
     ),
   );
 }

@@ -99,6 +99,12 @@ function engineering(magnitude) {
   return 3 * Math.floor(Math.log10(magnitude) / 3);
 }
 
+const WHOLE_STEPS = [0, 1, 2, 3, 4, 5, 6].flatMap((power) => [1, 2, 5].map((factor) => factor * 10 ** power));
+
+// Gives the steps between the ticks of an axis that counts; another axis leaves them to the plot.
+/** @param {{ whole?: boolean }} x */
+export const stepsOf = ({ whole }) => (whole ? { incrs: WHOLE_STEPS } : {});
+
 export function axisTitle(label, unit, exponent) {
   const factor = exponent === 0 ? "" : power(exponent);
   const bracket = [factor, unit === "1" ? "" : unit].filter(Boolean).join("\u00a0");

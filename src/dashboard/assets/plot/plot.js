@@ -5,17 +5,17 @@
 //     const chart = plot({ title, x: { label, unit }, y: { label, unit, log }, series: [{ name, look, step }] });
 //     chart.set(xs, [ys, …]);
 //
-// set() takes a common x column and a column for each series, in SI; null is a gap. The pointer and the
-// arrow keys read the values. Dragging across, or + at the cursor, shows a part; a double click or
-// Escape shows all. Plots of the same `group` (see group.js) share cursor and part. An x with `clock` is
-// an instant in seconds since 1970. `whiskers` name the columns of the ends of intervals; a series with
-// `bare` is read and not drawn; the `legend` of a series stands for its name in the legend, where null leaves
-// it out.
+// set() takes a common x column and a column for each series, in SI; null is a gap. The pointer and the arrow
+// keys read the values. Dragging across, or + at the cursor, shows a part; a double click or Escape shows all.
+// Plots of the same `group` (see group.js) share cursor and part. An x with `clock` is an instant in seconds
+// since 1970; an x that is `whole` has ticks at whole numbers alone. `whiskers` name the columns of the ends of
+// intervals; a series with `bare` is read and not drawn; the `legend` of a series stands for its name in the
+// legend, where null leaves it out.
 
 import uPlot from "/assets/vendor/uplot-1.6.32.min.js";
 import { h, svg } from "../shell/dom.js";
 import { number, quantity } from "../shell/format.js";
-import { logarithmicRange, logarithmicSplits, paddedRange, rangeFromZero, rangeOf } from "./axes.js";
+import { logarithmicRange, logarithmicSplits, paddedRange, rangeFromZero, rangeOf, stepsOf } from "./axes.js";
 import { READER } from "./clock.js";
 import { nearest } from "./math.js";
 import { saveMenu } from "./save.js";
@@ -330,7 +330,7 @@ class Plot {
     const { clock } = this;
     const unit = clock ? ` [${clock.zone}]` : this.x.unit ? ` [${this.x.unit}]` : "";
     const axis = { size: 30, space: 70, values: (_, splits) => splits.map((value) => number(value, 7)) };
-    return { ...(clock?.axis() ?? axis), label: `${this.x.label}${unit}` };
+    return { ...(clock?.axis() ?? axis), ...stepsOf(this.x), label: `${this.x.label}${unit}` };
   }
 
   get clock() {
