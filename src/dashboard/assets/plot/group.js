@@ -252,7 +252,13 @@ export class WindowChooser {
 
   put(k, window) {
     this.current = k;
-    k < this.windows.length ? this.change(k, window) : this.add(window);
+    if (k >= this.windows.length) {
+      this.add(window);
+      return;
+    }
+    // The form draws itself later; the next key has to meet the window as it is now.
+    this.windows = this.windows.with(k, window);
+    this.change(k, window);
   }
 
   // Sets an end of the window that was worked on last.
