@@ -109,8 +109,8 @@ impl Monitor {
 ///
 /// The stream is there, with two samples at the least. Each window, as soon as the stream has a sample
 /// beyond its end, becomes a recording and a job, one after the other; the estimate of one is where
-/// the search of the next begins, and its prior. A window in which no input moves is quiet: nothing
-/// is estimated. An alarm is raised when a parameter changes by more than its intervals allow, when
+/// the search of the next begins, and its prior. A window that would say nothing of the parameters is
+/// quiet: nothing is estimated. An alarm is raised when a parameter changes by more than its intervals allow, when
 /// estimates can be trusted less than before, when windows no longer come to an estimate, and
 /// when data stop.
 #[utoipa::path(

@@ -48,7 +48,7 @@ pub enum WindowStatus {
     Running,
     /// The parameters of the window were estimated.
     Estimated,
-    /// Nothing moved: nothing was estimated.
+    /// The window says nothing of the parameters: nothing was estimated.
     Quiet,
     /// The stream has no samples in the window.
     NoData,

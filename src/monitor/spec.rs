@@ -52,8 +52,9 @@ pub struct MonitorSpec {
     pub stream: String,
     /// Which windows of the stream are watched.
     pub window: WindowPlan,
-    /// Which of them are worth a job; left out, those in which an input of the model moves by more
-    /// than a twentieth of all that it moved so far. In the others nothing is estimated.
+    /// Which of them are worth a job, by how far a signal moves; left out, those whose data would fix a
+    /// parameter to within half its value, and before there is an estimate those in which an input of the
+    /// model moves by more than a twentieth of all that it moved so far. In the others nothing is estimated.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     #[schema(nullable = false)]
     pub only_when: Option<Movement>,

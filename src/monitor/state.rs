@@ -37,7 +37,7 @@ pub struct State {
     pub left: BTreeMap<String, f64>,
     /// How far estimates can be trusted.
     pub trust: Option<Trust>,
-    /// How often estimates could be trusted less than that.
+    /// How often the estimates of windows could be trusted less than usual.
     #[serde(default)]
     pub doubts: Doubts,
     /// Whether the last window that was worked came to no estimate.

@@ -372,7 +372,7 @@ impl MonitorStep {
         }
     }
 
-    /// Cuts the window out of its stream, and has a job work it where something moves in it.
+    /// Cuts the window out of its stream, and has a job work it where it says something.
     fn cut(mut self, rows: Rows, catalogue: &Catalogue, model: Option<Arc<Model>>) -> Advance {
         let signals = self.stream.signals.clone();
         let id = DatasetId::new();

@@ -4,7 +4,7 @@ use std::ops::{ControlFlow, Range};
 
 use super::coding;
 use super::stream::{StreamRow, put, stamp};
-use crate::store::database::{self, Connection, QueryBuilder, Row};
+use crate::store::database::{self, Connection, Query, QueryBuilder, Row};
 use crate::store::sealed::{STREAM_BLOCKS, STREAM_EXTREMES, Sealed};
 use crate::store::writer::Tx;
 use crate::store::{StoreError, corrupt};
@@ -53,23 +53,60 @@ pub(super) enum Order {
     NewestFirst,
 }
 
-/// The block of a stream `$1` that an instant `$2` falls into, or else the next one. Blocks do not overlap, so
-/// that of all blocks before the instant only the last can reach it.
-const BLOCK_FROM: &str = "select stream, first_ns, last_ns, rows, samples, seal from stream_blocks \
-     where stream = $1 and last_ns >= $2 and first_ns >= coalesce((select max(first_ns) \
-     from stream_blocks where stream = $1 and first_ns <= $2), $2) order by first_ns limit 1";
-/// The block of a stream `$1` that begins last up to and with an instant `$2`.
-const BLOCK_UNTIL: &str = "select stream, first_ns, last_ns, rows, samples, seal from stream_blocks \
-     where stream = $1 and first_ns <= $2 order by first_ns desc limit 1";
+/// Which block of a stream is looked for.
+enum Which {
+    /// The block that an instant falls into, or else the next one.
+    From(i64),
+    /// The block that begins last up to and with an instant.
+    Until(i64),
+    /// The block that begins first after an instant.
+    After(i64),
+}
 
+/// A statement that reads these columns of a block.
+fn select(columns: &str, stream: &str, which: Which) -> Query {
+    let mut query = QueryBuilder::new("select ");
+    query
+        .push(columns)
+        .push(" from stream_blocks where stream = ");
+    query.push_bind(stream);
+    match which {
+        // Blocks do not overlap, so that of all blocks before an instant only the last can reach it.
+        Which::From(instant) => {
+            query.push(" and last_ns >= ").push_bind(instant);
+            query.push(" and first_ns >= coalesce((select max(first_ns) from stream_blocks");
+            query.push(" where stream = ").push_bind(stream);
+            query.push(" and first_ns <= ").push_bind(instant);
+            query
+                .push("), ")
+                .push_bind(instant)
+                .push(") order by first_ns")
+        }
+        Which::Until(instant) => {
+            query.push(" and first_ns <= ").push_bind(instant);
+            query.push(" order by first_ns desc")
+        }
+        Which::After(instant) => {
+            query.push(" and first_ns > ").push_bind(instant);
+            query.push(" order by first_ns")
+        }
+    };
+    query.push(" limit 1");
+    query.build()
+}
+
+/// A block with its samples, as its row.
 async fn fetch_block(
     connection: &mut Connection,
-    sql: &'static str,
     stream: &str,
-    instant: i64,
+    which: Which,
 ) -> Result<Option<Row>, StoreError> {
-    let block = database::query(sql).bind(stream).bind(instant);
-    Ok(block.fetch_optional(connection).await?)
+    let query = select(
+        "stream, first_ns, last_ns, rows, samples, seal",
+        stream,
+        which,
+    );
+    Ok(query.fetch_optional(connection).await?)
 }
 
 /// Hands over the rows of a stream in a span, block by block, until `take` breaks with an answer.
@@ -84,12 +121,10 @@ pub(super) async fn visit<T>(
     let mut rest = span;
     while rest.from < rest.to {
         let block = match order {
-            Order::OldestFirst => fetch_block(connection, BLOCK_FROM, &identity, rest.from).await?,
-            Order::NewestFirst => {
-                fetch_block(connection, BLOCK_UNTIL, &identity, rest.to - 1).await?
-            }
+            Order::OldestFirst => Which::From(rest.from),
+            Order::NewestFirst => Which::Until(rest.to - 1),
         };
-        let Some(block) = block else {
+        let Some(block) = fetch_block(connection, &identity, block).await? else {
             break;
         };
         let (first, last): (i64, i64) = (block.try_get("first_ns")?, block.try_get("last_ns")?);
@@ -133,7 +168,7 @@ pub(super) async fn first_from(
     stream: &str,
     from: i64,
 ) -> Result<Option<i64>, StoreError> {
-    let Some(block) = fetch_block(connection, BLOCK_FROM, stream, from).await? else {
+    let Some(block) = fetch_block(connection, stream, Which::From(from)).await? else {
         return Ok(None);
     };
     let mut instants = instants(&block)?.into_iter();
@@ -146,7 +181,7 @@ pub(super) async fn last_until(
     stream: &str,
     until: i64,
 ) -> Result<Option<i64>, StoreError> {
-    let Some(block) = fetch_block(connection, BLOCK_UNTIL, stream, until).await? else {
+    let Some(block) = fetch_block(connection, stream, Which::Until(until)).await? else {
         return Ok(None);
     };
     let instants = instants(&block)?;
@@ -225,48 +260,15 @@ fn is_mostly_kept(block: &Block, from: i64) -> bool {
     older * SMALL_BLOCK as i128 <= length
 }
 
-/// Which block of a stream is looked for.
-enum Which {
-    /// The block that an instant falls into, or else the next one.
-    From(i64),
-    /// The block that begins last up to and with an instant.
-    Until(i64),
-    /// The block that begins first after an instant.
-    After(i64),
-}
+/// Columns of a block without its samples.
+const COLUMNS: &str = "first_ns, last_ns, rows, cast(length(samples) + coalesce((select length(samples) \
+     from stream_extremes where stream_extremes.stream = stream_blocks.stream \
+     and stream_extremes.first_ns = stream_blocks.first_ns), 0) as bigint) as bytes";
 
 /// A block of a stream without its samples.
 async fn find(tx: &mut Tx, stream: &StreamRow, which: Which) -> Result<Option<Block>, StoreError> {
-    let identity = stream.identity();
-    let mut query = QueryBuilder::new(
-        "select first_ns, last_ns, rows, cast(length(samples) + coalesce((select length(samples) \
-         from stream_extremes where stream_extremes.stream = stream_blocks.stream \
-         and stream_extremes.first_ns = stream_blocks.first_ns), 0) as bigint) as bytes \
-         from stream_blocks where stream = ",
-    );
-    query.push_bind(identity.as_str());
-    match which {
-        Which::From(instant) => {
-            query.push(" and last_ns >= ").push_bind(instant);
-            query.push(" and first_ns >= coalesce((select max(first_ns) from stream_blocks where stream = ");
-            query.push_bind(identity.as_str()).push(" and first_ns <= ");
-            query
-                .push_bind(instant)
-                .push("), ")
-                .push_bind(instant)
-                .push(") order by first_ns")
-        }
-        Which::Until(instant) => query
-            .push(" and first_ns <= ")
-            .push_bind(instant)
-            .push(" order by first_ns desc"),
-        Which::After(instant) => query
-            .push(" and first_ns > ")
-            .push_bind(instant)
-            .push(" order by first_ns"),
-    };
-    query.push(" limit 1");
-    let row = query.build().fetch_optional(&mut **tx).await?;
+    let query = select(COLUMNS, &stream.identity(), which);
+    let row = query.fetch_optional(&mut **tx).await?;
     let Some(row) = row else {
         return Ok(None);
     };

@@ -167,7 +167,7 @@ function movementFields(page) {
   return h(
     "div",
     { class: "fields" },
-    choice("Worked only when", [["", "an input of the model moves"], ...signals], movement?.signal, choose),
+    choice("Worked only when", [["", "it says something of a parameter"], ...signals], movement?.signal, choose),
     movement &&
       numberField(page, "moves by more than, % of its range so far", ["only_when", "moves_more_than"], {
         scale: 100,

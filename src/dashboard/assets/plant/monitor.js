@@ -264,7 +264,7 @@ function aboutMonitor({ stream, spec, created_at: created }) {
       "Worked when",
       only
         ? `${words(only.signal)} moves by more than ${number(100 * only.moves_more_than)} %`
-        : "an input of the model moves",
+        : "it says something of a parameter",
     ],
     ["Model", h("a", { href: `#/models/${encodeURIComponent(job.model)}` }, job.model)],
     ["Drift", drifts.join(", ")],

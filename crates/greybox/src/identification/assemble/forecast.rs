@@ -2,6 +2,7 @@
 
 use super::{Assembly, Finding, Preflight};
 use crate::estimation::problem::{Coordinate, Problem, Target};
+use crate::estimation::trajectory;
 use crate::identification::budget::BudgetLine;
 use crate::uncertainty::identifiability::{self, CoordinateForecast, FlatDirection};
 use greybox_numerics::parsing::fault::pointer_to;
@@ -12,6 +13,10 @@ use utoipa::ToSchema;
 
 /// Derivatives that may be spent on looking ahead: some seconds.
 pub(super) const BUDGET: f64 = 1e9;
+/// Derivatives that may be spent on whether a window says something: less than a second.
+const WINDOW_BUDGET: f64 = 1e8;
+/// Linearisations that this takes.
+const LINEARISATIONS: usize = 2;
 
 /// What the data could fix, by the sensitivities of the outputs at several points of the box.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, ToSchema)]
@@ -99,10 +104,16 @@ pub fn forecast(
 }
 
 /// Whether the data of a problem could fix one of its parameters at the least so well that it is not too wide to be
-/// used, in the middle of the ranges. Nothing where that cannot be simulated, or `stop` was raised.
+/// used, in the middle of the ranges. Nothing where that cannot be simulated or takes longer than a second, or `stop`
+/// was raised.
 #[must_use]
 pub fn informs(problem: &Problem, stop: &AtomicBool) -> Option<bool> {
     let middle = vec![0.5; problem.coordinates.len()];
+    let columns = 1 + 2 * problem.coordinates.len();
+    let each = trajectory::derivatives(problem, &middle, stop)? as f64;
+    if each * (columns * LINEARISATIONS) as f64 > WINDOW_BUDGET {
+        return None;
+    }
     identifiability::fixes_some(problem, &middle, stop).ok()
 }
 
