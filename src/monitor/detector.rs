@@ -314,17 +314,17 @@ mod tests {
                     ..point
                 })
             };
-            let all = (0..200).flat_map(|seed| changes(scattered(seed).take(500), 0.001));
+            let all = (0..1000).flat_map(|seed| changes(scattered(seed).take(500), 0.001));
             let windows: Vec<i64> = all.map(|(window, _)| window).collect();
-            // Stated are 100, and three Poisson deviations.
+            // Stated are 500; a scatter that is estimated adds a fifth to a third.
             assert!(
-                windows.len() <= 130,
+                windows.len() <= 750,
                 "{} alarms at {scatter}",
                 windows.len()
             );
             let early = windows.iter().filter(|window| **window < 20).count();
             assert!(
-                early < 12,
+                early < 60,
                 "{early} alarms in the first 20 windows at {scatter}"
             );
         }
