@@ -145,7 +145,8 @@ const PLACES: &[(&str, &[&str])] = &[
     ("rayon", &[
         "crates/simulation/src/batch.rs", "crates/greybox/src/estimation/refinement.rs",
         "crates/greybox/src/estimation/shooting.rs", "crates/greybox/src/estimation/noise_ladder.rs",
-        "crates/greybox/src/estimation/search.rs", "crates/greybox/src/uncertainty", "src/app", "src/cli",
+        "crates/greybox/src/estimation/search.rs", "crates/greybox/src/uncertainty",
+        "crates/greybox/src/identification/assemble/selection", "src/app", "src/cli",
     ]),
 ];
 

@@ -20,7 +20,7 @@ use super::{ApiState, submit};
 use crate::job::{DesignTask, JobTask};
 use crate::store::{Idempotency, NewJob, NewModel};
 use greybox::identification::design::Design;
-use greybox::identification::spec::design::{DesignRequest, DesignSpec, PastJob};
+use greybox::identification::spec::design::{DesignRequest, DesignSpec};
 use greybox::identification::spec::{InitialStateSpec, LimitsSpec, ModelOfJob, ParameterSpec};
 use greybox::identification::{JobId, assemble};
 use greybox::model::Model;
@@ -207,7 +207,7 @@ async fn ready(state: &ApiState, client: &Client, document: &Value) -> Answer<Re
     if let Some(past) = &past {
         models.push(past.model().description());
     }
-    let before = past.as_ref().map(before);
+    let before = past.as_ref().map(FinishedJob::as_past_job);
     let spec = request.read(&models, before.as_ref());
     let spec = spec.map_err(Problem::of_document)?;
     let model = match (&past, asked.model) {
@@ -252,7 +252,7 @@ async fn submit(
         );
         return Err(Problem::new(Kind::WrongState, detail));
     }
-    let before = ready.past.as_ref().map(before);
+    let before = ready.past.as_ref().map(FinishedJob::as_past_job);
     let longest = LimitsSpec::default().max_duration_s;
     let longest = longest.min(state.limits.max_duration_s);
     let task = DesignTask::new(ready.request, before.as_ref(), longest);
@@ -283,11 +283,6 @@ async fn submit(
         headers,
     )
     .await
-}
-
-/// What a design reads of the job that it goes on from.
-fn before(past: &FinishedJob) -> PastJob<'_> {
-    PastJob::new(&past.spec, &past.outcome)
 }
 
 /// The finished job that a document names, if it is there for this client.

@@ -15,6 +15,7 @@ use crate::store::{JobRow, Results, StoredResult};
 use greybox::identification::assemble::{
     self, ExperimentDisturbances, ExperimentTrajectory, PastResult,
 };
+use greybox::identification::spec::design::PastJob;
 use greybox::identification::{JobId, JobSpec, Outcome};
 use greybox::model::Model;
 use greybox::parsing::Fault;
@@ -39,7 +40,7 @@ impl FinishedJob {
     ///
     /// # Errors
     ///
-    /// There is no such job, it is a design, it has no result or not yet, or its recording has been
+    /// There is no such job, it is a design or a selection, it has no result or not yet, or its recording has been
     /// removed.
     pub async fn read(state: &ApiState, id: JobId) -> Answer<FinishedJob> {
         let row = state
@@ -49,7 +50,7 @@ impl FinishedJob {
             .await?
             .ok_or_else(|| no_job(id))?;
         let Some(spec) = row.task.identification().cloned() else {
-            let detail = "the job designs an experiment: it estimates nothing";
+            let detail = "the job estimates nothing: it is a design or a selection";
             return Err(Problem::new(Kind::WrongState, detail));
         };
         let result = result_of(state.store.results(), &row).await?;
@@ -75,6 +76,11 @@ impl FinishedJob {
     /// A shared reference to the model, for a caller that keeps the model.
     pub fn shared_model(&self) -> Arc<Model> {
         Arc::clone(&self.model)
+    }
+
+    /// The job and the noise that the job found, as the document of a next job is read against.
+    pub fn as_past_job(&self) -> PastJob<'_> {
+        PastJob::new(&self.spec, &self.outcome)
     }
 
     /// What the design of a next experiment begins from.

@@ -44,6 +44,7 @@ mod rates;
 pub mod report;
 pub mod results;
 mod routes;
+pub mod selections;
 pub mod session;
 mod session_cookie;
 mod simulated;

@@ -316,8 +316,8 @@ mod tests {
             }
         }
         assert_eq!(
-            n_bodies, 20,
-            "three forms of a recording and of a batch, two of a model, a simulation, a design, \
+            n_bodies, 21,
+            "three forms of a recording and of a batch, two of a model, a simulation, a design, a selection, \
              a job, a comparison, a part of a stream, a monitor and its move, a webhook, a token, \
              a mapping and the lines of two protocols"
         );

@@ -36,7 +36,7 @@ pub async fn posterior(
     let row = jobs.find(id).await?.ok_or_else(|| no_job(id))?;
     let result = result_of(&stored, &row).await?;
     let draws = match row.task.kind() {
-        JobKind::Design => None,
+        JobKind::Design | JobKind::Selection => None,
         JobKind::Identification => result.outcome().map_err(unreadable)?.posterior,
     };
     let draws = draws.ok_or_else(|| {

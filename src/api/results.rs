@@ -93,9 +93,9 @@ pub fn csv(text: String) -> Response {
     ([(header::CONTENT_TYPE, csv_type)], text).into_response()
 }
 
-/// Read the estimate, or the experiment of a design: final when the job succeeded, the best so far
-/// when it was paused or cancelled. As JSON in full, or as CSV: the estimates alone, or what a design
-/// plays.
+/// Read the estimate, the experiment of a design, or the windows of a selection: final when the job succeeded, the best
+/// so far when it was paused or cancelled. As JSON in full, or as CSV: the estimates alone, what a design plays, or the
+/// chosen windows.
 #[utoipa::path(
     get, path = "/v1/jobs/{id}/result", operation_id = "read_result", tag = "jobs",
     params(
@@ -124,6 +124,7 @@ pub async fn result(
     }
     let table = match row.task.kind() {
         JobKind::Design => result.design().map(|design| design.csv()),
+        JobKind::Selection => result.selection().map(|selection| selection.csv()),
         JobKind::Identification => result.outcome().map(|outcome| estimates_csv(&outcome)),
     };
     table.map(csv).map_err(unreadable)

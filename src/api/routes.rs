@@ -15,7 +15,8 @@ use super::state::ApiState;
 use super::{
     audit, authorise, candidates, changes, comparisons, datasets, demonstration, designs,
     disturbance, events, health, job_list, jobs, mappings, models, monitors, posterior, report,
-    results, session, simulations, sinks, streams, submit, trajectory, verdict_rules, webhooks,
+    results, selections, session, simulations, sinks, streams, submit, trajectory, verdict_rules,
+    webhooks,
 };
 
 /// Every resource of the service, with its description.
@@ -50,6 +51,8 @@ fn described() -> OpenApiRouter<ApiState> {
         .routes(routes!(simulations::simulate))
         .routes(routes!(demonstration::show))
         .routes(routes!(designs::design))
+        .routes(routes!(selections::select))
+        .routes(routes!(selections::estimate))
         .routes(routes!(comparisons::submit_comparison, comparisons::list))
         .routes(routes!(comparisons::show))
         .routes(routes!(submit::submit, job_list::list))

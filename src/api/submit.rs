@@ -155,23 +155,40 @@ pub async fn submit(
         check_cost(&state, &spec, forecast.0.derivatives_per_evaluation)?;
         return Ok(json(StatusCode::OK, &Validation::new(spec, forecast)));
     }
-    check(&state, &spec, Arc::clone(&model)).await?;
     let ready = Ready {
         project,
         spec,
         model,
         new,
     };
+    check(&state, &ready.spec, Arc::clone(&ready.model)).await?;
+    store(&state, ready, idempotency, &headers).await
+}
+
+/// Submits a document that the server itself made of an earlier job.
+pub(super) async fn submit_document(
+    state: &ApiState,
+    document: &Value,
+    client: &Client,
+    idempotency: Option<Idempotency>,
+    headers: &HeaderMap,
+) -> Answer {
+    let ready = checked(state, document, client).await?;
+    store(state, ready, idempotency, headers).await
+}
+
+/// Stores a job that was checked.
+async fn store(
+    state: &ApiState,
+    ready: Ready,
+    idempotency: Option<Idempotency>,
+    headers: &HeaderMap,
+) -> Answer {
     let job = ready.new_job(idempotency);
     if let Some(new) = ready.new {
         state.store.models().insert(new).await?;
     }
-    answer(
-        &state,
-        state.store.submissions().submit(job).await?,
-        &headers,
-    )
-    .await
+    answer(state, state.store.submissions().submit(job).await?, headers).await
 }
 
 /// What makes a submission safe to repeat, where the client asks for it.

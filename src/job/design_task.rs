@@ -3,7 +3,7 @@
 use serde::{Deserialize, Serialize};
 use utoipa::ToSchema;
 
-use super::JobKind;
+use super::{JobKind, RecordingOfPast};
 use greybox::identification::DatasetId;
 use greybox::identification::spec::LimitsSpec;
 use greybox::identification::spec::design::{DesignRequest, PastJob};
@@ -17,16 +17,9 @@ pub struct DesignTask {
     #[schema(value_type = Object)]
     pub design: DesignRequest,
     /// The recordings of the job that the design goes on from.
-    experiments: Vec<RecordingOfDesign>,
+    experiments: Vec<RecordingOfPast>,
     /// When the design stops at the latest.
     pub limits: LimitsSpec,
-}
-
-/// A recording that a design reads.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, ToSchema)]
-pub struct RecordingOfDesign {
-    /// The identifier of the recording.
-    dataset: DatasetId,
 }
 
 impl DesignTask {
@@ -37,14 +30,10 @@ impl DesignTask {
         past: Option<&PastJob<'_>>,
         max_duration_s: f64,
     ) -> DesignTask {
-        let experiments = past.map_or(&[][..], |past| &past.spec.experiments);
-        let experiments = experiments.iter().map(|experiment| RecordingOfDesign {
-            dataset: experiment.dataset,
-        });
         DesignTask {
             kind: JobKind::Design,
             design,
-            experiments: experiments.collect(),
+            experiments: past.map_or_else(Vec::new, RecordingOfPast::all),
             limits: LimitsSpec { max_duration_s },
         }
     }
@@ -53,7 +42,6 @@ impl DesignTask {
     /// on from.
     #[must_use]
     pub fn datasets(&self) -> Vec<DatasetId> {
-        let experiments = self.experiments.iter();
-        experiments.map(|recording| recording.dataset).collect()
+        RecordingOfPast::datasets(&self.experiments)
     }
 }

@@ -10,6 +10,7 @@ use super::{ResultOfJob, Status};
 use greybox::estimation::{Finding, GenerationRow, PosteriorRow};
 use greybox::identification::design::{Design, RankedProposal};
 use greybox::identification::outcome::{Fit, ParameterEstimate};
+use greybox::identification::selection::ChosenWindow;
 use greybox::numerics::convergence::Convergence;
 use greybox::report::GenerationCosts;
 
@@ -29,6 +30,8 @@ pub enum Event {
     Generation(GenerationEvent),
     /// `design`: a better experiment was found.
     Design(DesignEvent),
+    /// `selection`: more windows were looked at.
+    Selection(SelectionEvent),
     /// `refinement`: the refinement finished an iteration.
     #[schema(title = "RefinementEvent")]
     Refinement {
@@ -52,6 +55,12 @@ pub enum Event {
     DesignResult {
         /// The `proposals` of the result.
         proposals: Vec<RankedProposal>,
+    },
+    /// `result` of a selection: the windows.
+    #[schema(title = "SelectionResultEvent")]
+    SelectionResult {
+        /// The `chosen` of the result.
+        chosen: Vec<ChosenWindow>,
     },
     /// `end`: the last event; nothing follows.
     #[schema(title = "EndEvent")]
@@ -79,6 +88,15 @@ impl DesignEvent {
             best: design.proposals.first()?.clone(),
         })
     }
+}
+
+/// How far a selection came.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, ToSchema)]
+pub struct SelectionEvent {
+    /// Windows that were looked at.
+    pub looked: u64,
+    /// Windows that there are.
+    pub windows: u64,
 }
 
 /// What a generation of the search came to. The same row is kept in the job's history.
@@ -199,7 +217,7 @@ impl From<&PosteriorRow> for PosteriorEvent {
 }
 
 impl Event {
-    /// The event of a result: of an estimate, or of a design.
+    /// The event of a result: of an estimate, of a design, or of a selection.
     pub fn of_result(result: &ResultOfJob) -> Event {
         match result {
             ResultOfJob::Identification(outcome) => Event::Result {
@@ -208,6 +226,9 @@ impl Event {
             },
             ResultOfJob::Design(design) => Event::DesignResult {
                 proposals: design.proposals.clone(),
+            },
+            ResultOfJob::Selection(selection) => Event::SelectionResult {
+                chosen: selection.chosen.clone(),
             },
         }
     }
@@ -221,7 +242,10 @@ impl Event {
             Event::Refinement { .. } => "refinement",
             Event::Posterior(_) => "posterior",
             Event::Design(_) => "design",
-            Event::Result { .. } | Event::DesignResult { .. } => "result",
+            Event::Selection(_) => "selection",
+            Event::Result { .. } | Event::DesignResult { .. } | Event::SelectionResult { .. } => {
+                "result"
+            }
             Event::End { .. } => "end",
         }
     }

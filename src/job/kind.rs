@@ -11,4 +11,6 @@ pub enum JobKind {
     Identification,
     /// It looks for the next experiment.
     Design,
+    /// It looks for the windows of a stream that fix the parameters of a finished job.
+    Selection,
 }

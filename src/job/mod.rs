@@ -8,7 +8,9 @@ pub mod event;
 pub mod failure;
 pub mod id;
 pub mod kind;
+pub mod past_recording;
 pub mod result;
+pub mod selection_task;
 pub mod state;
 pub mod task;
 
@@ -18,6 +20,8 @@ pub use event::{Event, GenerationEvent};
 pub use failure::Failure;
 pub use id::{ComparisonId, DeliveryId, MonitorId, WebhookId};
 pub use kind::JobKind;
+pub use past_recording::RecordingOfPast;
 pub use result::ResultOfJob;
+pub use selection_task::SelectionTask;
 pub use state::{IllegalTransition, Status};
 pub use task::JobTask;

@@ -7,6 +7,7 @@ use utoipa::ToSchema;
 use greybox::estimation::StopReason;
 use greybox::identification::Outcome;
 use greybox::identification::design::Design;
+use greybox::identification::selection::Selection;
 
 /// The result of a job.
 #[derive(Clone, Debug, PartialEq, Serialize, ToSchema)]
@@ -16,6 +17,8 @@ pub enum ResultOfJob {
     Identification(Box<Outcome>),
     /// The result of a design.
     Design(Box<Design>),
+    /// The result of a selection.
+    Selection(Box<Selection>),
 }
 
 #[cfg(test)]

@@ -3,7 +3,7 @@
 use serde::{Deserialize, Serialize};
 use utoipa::ToSchema;
 
-use super::{DesignTask, JobKind};
+use super::{DesignTask, JobKind, SelectionTask};
 use greybox::identification::spec::LimitsSpec;
 use greybox::identification::{DatasetId, JobId, JobSpec};
 
@@ -16,6 +16,8 @@ pub enum JobTask {
     Identification(Box<JobSpec>),
     /// Of a design.
     Design(DesignTask),
+    /// Of a selection.
+    Selection(SelectionTask),
 }
 
 impl JobTask {
@@ -32,6 +34,7 @@ impl JobTask {
         let KindOfTask { kind } = serde_json::from_str(text)?;
         match kind {
             Some(JobKind::Design) => serde_json::from_str(text).map(JobTask::Design),
+            Some(JobKind::Selection) => serde_json::from_str(text).map(JobTask::Selection),
             None | Some(JobKind::Identification) => {
                 serde_json::from_str(text).map(JobTask::Identification)
             }
@@ -44,6 +47,7 @@ impl JobTask {
         match self {
             JobTask::Identification(_) => JobKind::Identification,
             JobTask::Design(_) => JobKind::Design,
+            JobTask::Selection(_) => JobKind::Selection,
         }
     }
 
@@ -52,7 +56,7 @@ impl JobTask {
     pub fn identification(&self) -> Option<&JobSpec> {
         match self {
             JobTask::Identification(spec) => Some(spec),
-            JobTask::Design(_) => None,
+            JobTask::Design(_) | JobTask::Selection(_) => None,
         }
     }
 
@@ -62,6 +66,7 @@ impl JobTask {
         match self {
             JobTask::Identification(spec) => spec.limits,
             JobTask::Design(task) => task.limits,
+            JobTask::Selection(task) => task.limits,
         }
     }
 
@@ -74,6 +79,7 @@ impl JobTask {
                 experiments.map(|experiment| experiment.dataset).collect()
             }
             JobTask::Design(task) => task.datasets(),
+            JobTask::Selection(task) => task.datasets(),
         }
     }
 
@@ -92,6 +98,16 @@ impl JobTask {
         match self {
             JobTask::Identification(_) => None,
             JobTask::Design(task) => task.design.job(),
+            JobTask::Selection(task) => task.selection.job(),
+        }
+    }
+
+    /// The stream whose windows the job goes through.
+    #[must_use]
+    pub fn stream(&self) -> Option<&str> {
+        match self {
+            JobTask::Identification(_) | JobTask::Design(_) => None,
+            JobTask::Selection(task) => task.selection.stream(),
         }
     }
 }

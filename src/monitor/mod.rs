@@ -7,7 +7,6 @@ pub mod information;
 pub mod record;
 pub mod spec;
 pub mod state;
-pub mod stillness;
 pub mod template;
 pub mod warm;
 

@@ -13,6 +13,7 @@ use super::writer::Tx;
 use crate::job::{ResultOfJob, Status};
 use greybox::estimation::StopReason;
 use greybox::identification::design::Design;
+use greybox::identification::selection::Selection;
 use greybox::identification::{JobId, Outcome};
 
 /// The results of jobs.
@@ -55,6 +56,14 @@ impl StoredResult {
     pub fn design(&self) -> Result<Design, serde_json::Error> {
         serde_json::from_str(&self.0)
     }
+
+    /// The result of a selection.
+    ///
+    /// # Errors
+    /// The result is that of another kind of job, or lacks what every selection has today.
+    pub fn selection(&self) -> Result<Selection, serde_json::Error> {
+        serde_json::from_str(&self.0)
+    }
 }
 
 async fn fetch<'c>(
@@ -88,7 +97,7 @@ pub(super) async fn put(
         Status::Cancelled => Some(StopReason::Cancelled),
         _ => None,
     };
-    // The result of a design does not say why the design ended.
+    // The results of other kinds do not say why the job ended.
     if let (Some(asked), ResultOfJob::Identification(outcome)) = (asked, &mut result) {
         outcome.stop_reason = asked;
     }

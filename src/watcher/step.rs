@@ -13,7 +13,6 @@ use crate::monitor::information;
 use crate::monitor::record::{Alarm, Start, WindowStatus};
 use crate::monitor::spec::MonitorSpec;
 use crate::monitor::state::{State, Worked, instant, silence};
-use crate::monitor::stillness::stands_still;
 use crate::monitor::template::WindowLabel;
 use crate::monitor::warm::{self, JointEstimate};
 use crate::store::{
@@ -26,7 +25,7 @@ use greybox::identification::spec::{Context, SearchRange};
 use greybox::identification::{DatasetId, JobId, JobSpec};
 use greybox::model::{Catalogue, Model, document};
 use greybox::parsing::Fault;
-use greybox::recording::{Recording, RecordingSource, RowSignal, Rows};
+use greybox::recording::{Recording, RecordingSource, RowSignal, Rows, stands_still};
 
 /// Monitors limit the time of their jobs by what the jobs themselves say.
 const NO_LIMIT: f64 = f64::INFINITY;

@@ -102,6 +102,7 @@ async fn help_one(
         model: materials.model,
         datasets: materials.datasets,
         past: materials.past,
+        stream: materials.stream,
         checkpoint: Some(checkpoint.state),
     };
     let method = slices.method.clone();

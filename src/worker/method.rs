@@ -3,7 +3,7 @@
 use std::sync::Arc;
 
 use super::run::{Assignment, Method, Run};
-use super::{design, identification};
+use super::{design, identification, selection};
 use crate::job::{Failure, JobTask};
 use crate::store::ModelRow;
 use greybox::model::{Catalogue, Model, document};
@@ -42,6 +42,10 @@ impl Method for Methods {
             JobTask::Design(task) => {
                 let design = task.design.clone();
                 design::begin(&design, model, assignment)
+            }
+            JobTask::Selection(task) => {
+                let task = task.clone();
+                selection::begin(&task, model, assignment)
             }
         }
     }

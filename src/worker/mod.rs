@@ -16,7 +16,9 @@ mod kept_runs;
 pub mod method;
 mod recorder;
 pub mod run;
+mod selection;
 mod slice;
+mod stored_stream;
 #[cfg(test)]
 pub(crate) mod tests;
 mod units;

@@ -92,6 +92,14 @@ impl Recorder {
                     self.events.push(Event::Design(design));
                 }
             }
+            Row::Selection(event) => {
+                let looked = u32::try_from(event.looked).unwrap_or(u32::MAX);
+                if looked > self.reported.generation {
+                    self.report_findings();
+                    self.reported.generation = looked;
+                    self.events.push(Event::Selection(event));
+                }
+            }
             Row::Refinement { iteration, cost } => {
                 self.follow_search(Event::Refinement { iteration, cost }, now);
             }

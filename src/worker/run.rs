@@ -3,18 +3,19 @@
 //! A run is synchronous and seeded. It owns all that it needs, goes on in units, and can be saved
 //! after any unit and resumed with the same bits.
 
+use std::ops::Range;
 use std::sync::Arc;
 use std::sync::atomic::AtomicBool;
 
 use greybox::estimation::Finding;
 pub use greybox::estimation::{Advance, Share, StopReason};
 
-use crate::job::event::{DesignEvent, PosteriorEvent};
+use crate::job::event::{DesignEvent, PosteriorEvent, SelectionEvent};
 use crate::job::{Candidate, CandidateColumn, Failure, GenerationEvent, ResultOfJob};
 use crate::store::{JobRow, ModelRow, SharedPart};
 use greybox::estimation::Progress;
 use greybox::identification::{JobSpec, Outcome};
-use greybox::recording::Recording;
+use greybox::recording::{Recording, RowSignal, Rows};
 
 /// Begins the runs of jobs.
 pub trait Method: Send + Sync + 'static {
@@ -33,6 +34,8 @@ pub struct Assignment {
     pub datasets: Vec<(String, Arc<Recording>)>,
     /// The finished job that it goes on from, where it does.
     pub past: Option<Past>,
+    /// The stream whose windows it goes through, where it does.
+    pub stream: Option<Arc<dyn StreamReader>>,
     /// Where the run was saved; nothing when it begins.
     pub checkpoint: Option<Vec<u8>>,
 }
@@ -44,6 +47,18 @@ pub struct Past {
     pub spec: JobSpec,
     /// The result of the job.
     pub outcome: Outcome,
+}
+
+/// The stream whose windows a job goes through.
+pub trait StreamReader: Send + Sync + std::fmt::Debug {
+    /// The signals of the stream.
+    fn signals(&self) -> &[RowSignal];
+
+    /// The samples between two instants, nanoseconds since 1970, `most` at the most; nothing where there are more.
+    ///
+    /// # Errors
+    /// The samples cannot be read.
+    fn rows(&self, span: Range<i64>, most: usize) -> Result<Option<Rows>, Failure>;
 }
 
 /// The failure of a run whose stored checkpoint does not read back.
@@ -124,6 +139,8 @@ pub enum Row {
     },
     /// The design of an experiment has a better one.
     Design(DesignEvent),
+    /// A selection has looked at more windows.
+    Selection(SelectionEvent),
     /// The refinement finished an iteration.
     Refinement {
         /// Counts from 1.

@@ -19,7 +19,8 @@ use super::active::ActiveJob;
 use super::candidates::Candidates;
 use super::exchange::Exchange;
 use super::recorder::Recorder;
-use super::run::{Advance, Assignment, Past, Run, Share};
+use super::run::{Advance, Assignment, Past, Run, Share, StreamReader};
+use super::stored_stream::stored_stream;
 use super::units::{self, Unit, UnitReceiver, UnitSender};
 use crate::access::Project;
 use crate::admission::Permit;
@@ -42,11 +43,12 @@ const CANDIDATES_AT_ONCE: usize = 50_000;
 const DEATH_LIMIT: u32 = 10;
 
 /// What a job is worked from: the stored model, where a user wrote the model, the recordings with
-/// their digests, and the finished job that the job goes on from.
+/// their digests, the finished job that the job goes on from, and the stream that it goes through.
 pub(super) struct Materials {
     pub(super) model: Option<ModelRow>,
     pub(super) datasets: Vec<(String, Arc<Recording>)>,
     pub(super) past: Option<Past>,
+    pub(super) stream: Option<Arc<dyn StreamReader>>,
 }
 
 /// What lets a slice compute.
@@ -191,10 +193,21 @@ impl SliceWorker {
             Some(id) => self.past(id).await?.map(Some),
             None => Ok(None),
         };
-        Ok(past.map(|past| Materials {
+        let past = match past {
+            Ok(past) => past,
+            Err(failure) => return Ok(Err(failure)),
+        };
+        let stream = match job.task.stream() {
+            Some(name) => stored_stream(&self.store, &job.project, name)
+                .await?
+                .map(Some),
+            None => Ok(None),
+        };
+        Ok(stream.map(|stream| Materials {
             model,
             datasets,
             past,
+            stream,
         }))
     }
 
@@ -259,6 +272,7 @@ impl SliceWorker {
                     model: materials.model,
                     datasets: materials.datasets,
                     past: materials.past,
+                    stream: materials.stream,
                     checkpoint: slice.checkpoint.map(|checkpoint| checkpoint.state),
                 })?,
             };

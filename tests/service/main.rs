@@ -50,6 +50,7 @@ mod streams;
 mod origin;
 
 mod quotas;
+mod selections;
 mod sessions;
 mod sinks;
 mod sinks_access;

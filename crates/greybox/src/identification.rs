@@ -17,6 +17,7 @@ pub mod id;
 mod next_steps;
 pub mod outcome;
 mod run;
+pub mod selection;
 pub mod simulation;
 pub mod spec;
 mod tried;

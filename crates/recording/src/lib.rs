@@ -24,6 +24,7 @@ mod rows;
 mod signal;
 mod source;
 mod split;
+mod stillness;
 mod summary;
 mod warning;
 
@@ -46,5 +47,6 @@ pub use rows::{Merged, RowColumn, RowSignal, Rows};
 pub use signal::{Class, ClassCounts, ClassSpan, Interpolation, NamedSignal, Signal};
 pub use source::RecordingSource;
 pub use split::{Split, TimeWindow};
+pub use stillness::stands_still;
 pub use summary::{Conversion, SignalSummary, Summary};
 pub use warning::{TimeSpan, Warning};

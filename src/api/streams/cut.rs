@@ -14,7 +14,7 @@ use crate::api::datasets::{Dataset, stored};
 use crate::api::error::{Answer, Problem};
 use crate::api::extract::Named;
 use crate::api::query::{NoQuery, Params};
-use crate::store::NewDataset;
+use crate::store::{NewDataset, StreamRow};
 use greybox::parsing::Fault;
 use greybox::parsing::reader::{Field, read_document};
 use greybox::recording::Rows;
@@ -93,15 +93,22 @@ pub async fn cut(
 ) -> Answer {
     let part = StreamPart::read(&document.value).map_err(Problem::of_document)?;
     let stream = stream(state.store.streams(), &client, &name).await?;
+    let new = cut_out(&state, &stream, part.name, (part.from, part.to)).await?;
+    stored(state.store.datasets(), new).await
+}
+
+/// A part of a stream as a recording with a name.
+pub(in crate::api) async fn cut_out(
+    state: &ApiState,
+    stream: &StreamRow,
+    name: Option<String>,
+    (from, to): (Timestamp, Timestamp),
+) -> Answer<NewDataset> {
     let _permit = state.work.recording_permit().await?;
-    let recording = window(
-        state.store.streams(),
-        &stream,
-        (Some(part.from), Some(part.to)),
-    )
-    .await?;
+    let recording = window(state.store.streams(), stream, (Some(from), Some(to))).await?;
     let mut recording = recording.ok_or_else(|| invalid("too_few_samples", too_few()))?;
-    recording.name = part.name;
+    recording.name = name;
+    let project = stream.project.clone();
     let new = state.work.convert(move || {
         let summary = recording.summary();
         let copy = recording.clone();
@@ -112,12 +119,12 @@ pub async fn cut(
             recording.name.as_deref().unwrap_or_default()
         ));
         Ok(NewDataset {
-            project: client.project,
+            project,
             name: recording.name.clone(),
             digest: format!("sha256:{}", hex::encode(digest.finalize())),
             summary,
             recording: recording.into(),
         })
     });
-    stored(state.store.datasets(), new.await?).await
+    new.await
 }

@@ -49,6 +49,7 @@ fn begun(checkpoint: Option<Vec<u8>>) -> Box<dyn Run> {
         model: None,
         datasets: Vec::new(),
         past: None,
+        stream: None,
         checkpoint,
     };
     let methods = Methods::new(Catalogue::built_in());
@@ -126,6 +127,7 @@ fn a_task_that_does_not_read_back_says_why() {
         model: None,
         datasets: Vec::new(),
         past: None,
+        stream: None,
         checkpoint: None,
     };
     let methods = Methods::new(Catalogue::built_in());

@@ -59,7 +59,7 @@ fn job() -> JobRow {
 fn spec_of(job: &mut JobRow) -> &mut JobSpec {
     match &mut job.task {
         JobTask::Identification(spec) => spec,
-        JobTask::Design(_) => panic!("the job estimates"),
+        JobTask::Design(_) | JobTask::Selection(_) => panic!("the job estimates"),
     }
 }
 
@@ -97,6 +97,7 @@ fn begin_on(data: Recording, job: &JobRow, checkpoint: Option<Vec<u8>>) -> Box<d
         datasets: vec![("sha256:1".to_owned(), Arc::new(data))],
         checkpoint,
         past: None,
+        stream: None,
     };
     let method = Methods::new(Catalogue::built_in());
     method.begin(assignment).expect("a run")
@@ -323,6 +324,7 @@ fn a_job_that_does_not_read_back_says_why() {
         datasets: vec![("sha256:1".to_owned(), Arc::new(recording()))],
         checkpoint,
         past: None,
+        stream: None,
     };
     let mut unknown = job();
     unknown.model = "perpetuum_mobile".to_owned();

@@ -17,6 +17,7 @@ mod posterior;
 mod preflight;
 mod priors;
 mod process_noise;
+mod selection;
 mod start;
 mod tolerances;
 mod trajectory;
@@ -31,5 +32,6 @@ pub use disturbance::{
 pub use forecast::{Identifiability, Prediction, flat_directions, forecast, informs, unseen};
 pub use outcome::{Origin, outcome};
 pub use preflight::{Preflight, findings, preflight};
+pub use selection::{HistoryWindow, LookedWindow, SelectedSpan, Selecting};
 pub use start::{StartsElsewhere, starts_elsewhere};
 pub use trajectory::{ExperimentTrajectory, OutputTrajectory, trajectory};

@@ -37,6 +37,7 @@ mod own_parameters;
 mod parameter;
 mod prior;
 mod process_noise;
+pub mod selection;
 mod tolerances;
 mod validation;
 mod window;

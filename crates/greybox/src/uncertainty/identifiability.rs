@@ -141,13 +141,13 @@ pub fn fixes_some(
     positions: &[f64],
     stop: &AtomicBool,
 ) -> Result<bool, SensitivityError> {
+    let positions = with_fitted_starts(problem, positions, stop)?;
     let view = View {
         problem,
         weights: &weights(problem),
         accuracy: Accuracy::Full,
         stop,
     };
-    let positions = started(&view, positions)?;
     let deviations = deviations(&information(&view, &positions)?);
     let mut coordinates = problem.coordinates.iter().zip(positions).zip(deviations);
     Ok(coordinates.any(|((coordinate, position), deviation)| {
@@ -155,6 +155,25 @@ pub fn fixes_some(
         let value = coordinate.value(position);
         !coordinate.is_start() && !is_too_wide(coordinate, value, error)
     }))
+}
+
+/// Positions with the states at the start where the data want them by the linearised model, with the other unknowns at
+/// `positions`.
+///
+/// # Errors
+/// When the stop flag was raised, or the simulation failed.
+pub fn with_fitted_starts(
+    problem: &Problem,
+    positions: &[f64],
+    stop: &AtomicBool,
+) -> Result<Vec<f64>, SensitivityError> {
+    let view = View {
+        problem,
+        weights: &weights(problem),
+        accuracy: Accuracy::Full,
+        stop,
+    };
+    started(&view, positions)
 }
 
 /// Positions with the states at the start where the data want them by the linearised model.

@@ -33,7 +33,7 @@ mod noise_choice;
 mod noise_comparison;
 mod nuisances;
 pub mod posterior;
-mod probes;
+pub(crate) mod probes;
 pub mod profile;
 pub mod refits;
 pub mod residuals;
@@ -48,7 +48,7 @@ pub mod validation_start;
 pub mod verdict;
 pub mod weighing;
 pub mod whitening;
-mod width;
+pub mod width;
 pub mod windows;
 
 pub use analyser::{Analyser, Conclusion, conclude};

@@ -30,7 +30,7 @@ const LOSS: f64 = 0.003;
 
 /// The problem with what its document takes as exact or leaves out among its assumptions; as it is where the
 /// model is no document. Answers nothing when `stop` was raised.
-pub(super) fn probed(problem: &Problem, positions: &[f64], stop: &AtomicBool) -> Option<Problem> {
+pub(crate) fn probed(problem: &Problem, positions: &[f64], stop: &AtomicBool) -> Option<Problem> {
     let mut tolerances = Vec::new();
     let mut probes = Probes::default();
     for input in problem.model.acting_inputs() {

@@ -15,7 +15,7 @@ pub(super) fn share_of_magnitude(coordinate: &Coordinate, value: f64, error: f64
 }
 
 /// Whether an error alone makes a value one that cannot be trusted.
-pub(super) fn is_too_wide(coordinate: &Coordinate, value: f64, error: f64) -> bool {
+pub fn is_too_wide(coordinate: &Coordinate, value: f64, error: f64) -> bool {
     let share = share_of_magnitude(coordinate, value, error);
     share.is_nan() || share > LOW_SHARE
 }

@@ -71,6 +71,13 @@ pub struct Assumption {
 }
 
 impl Assumption {
+    /// Whether the number belongs to one experiment, as where a state starts does.
+    #[must_use]
+    pub fn belongs_to_an_experiment(&self) -> bool {
+        let target = self.target.simulated();
+        target.is_some_and(|target| target.experiment().is_some())
+    }
+
     /// A number of the sensor of an output, which is exact but for a tolerance, above zero, SI. `unit` is that of
     /// the output, and `place` its place among the compared ones.
     #[must_use]

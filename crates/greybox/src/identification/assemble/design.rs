@@ -8,6 +8,7 @@ mod sample;
 
 pub use assessments::Assessments;
 pub use problem::PastResult;
+pub(super) use problem::simulated;
 
 use crate::identification::design::Design;
 use crate::identification::spec::design::{DesignSpec, Plan};

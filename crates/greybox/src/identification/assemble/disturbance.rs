@@ -140,7 +140,7 @@ pub fn disturbances(
 
 /// The noise model of a result, with the numbers that were estimated; none where the model lacks a quantity that
 /// a disturbance acts on.
-fn noise_model(problem: &Problem, report: &ProcessNoiseReport) -> Option<NoiseModel> {
+pub(super) fn noise_model(problem: &Problem, report: &ProcessNoiseReport) -> Option<NoiseModel> {
     let description = problem.model.description();
     let disturbance = |disturbance: &DisturbanceReport| {
         let number = |number: &NoiseNumberReport| NoiseNumberSpec::Given(number.estimate);

@@ -56,7 +56,7 @@ pub fn starts_elsewhere(problem: &Problem, stop: &AtomicBool) -> Option<StartsEl
 }
 
 /// How far the start of a model may be off data.
-fn tolerated(measured: &[f64]) -> f64 {
+pub(super) fn tolerated(measured: &[f64]) -> f64 {
     let (low, high) = statistics::range(measured).unwrap_or_default();
     let there = measured.iter().filter(|sample| !sample.is_nan());
     let there: Vec<f64> = there.copied().collect();

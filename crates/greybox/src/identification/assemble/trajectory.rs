@@ -146,7 +146,7 @@ pub(super) fn at_estimate(
 }
 
 /// Whether the result has an estimate of it: an effect that the data do not support has none.
-fn is_estimated(coordinate: &Coordinate, outcome: &Outcome) -> bool {
+pub(super) fn is_estimated(coordinate: &Coordinate, outcome: &Outcome) -> bool {
     let is_state = matches!(coordinate.target, Target::InitialState { .. });
     let mut estimated = outcome.parameters.iter();
     is_state

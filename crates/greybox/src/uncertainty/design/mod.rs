@@ -13,13 +13,15 @@
 //! middle ([`Present`]). An experiment that cannot be simulated at a point tells nothing there.
 //!
 //! An [`Excitation`] with few numbers is searched over those numbers ([`search`]); instants to
-//! measure at are chosen from candidates ([`instants`]).
+//! measure at are chosen from candidates ([`instants`]). Windows of what was recorded before are chosen like
+//! experiments whose inputs are known already ([`history`]).
 
 mod assessment;
 mod information;
 mod present;
 
 pub mod excitation;
+pub mod history;
 pub mod instants;
 pub mod search;
 

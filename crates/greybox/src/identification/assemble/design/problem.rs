@@ -75,7 +75,7 @@ pub(super) struct Course {
 
 /// The result of a simulation; nothing where the simulation was stopped, a fault at `pointer` where
 /// the simulation failed.
-pub(super) fn simulated<T>(
+pub(in crate::identification::assemble) fn simulated<T>(
     result: Result<T, SensitivityError>,
     pointer: &str,
 ) -> Result<Option<T>, Vec<Fault>> {

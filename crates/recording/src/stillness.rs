@@ -35,14 +35,14 @@ mod tests {
     use super::*;
 
     fn noise(samples: usize) -> Vec<f64> {
-        (0..samples).map(|k| libm::sin(k as f64 * 1e3)).collect()
+        (0..samples).map(|k| (k as f64 * 1e3).sin()).collect()
     }
 
     #[test]
     fn a_sensor_that_froze_or_clips_stands_still_and_one_of_few_steps_does_not() {
         let frozen = [noise(300), vec![0.7; 200]].concat();
         let clipped: Vec<f64> = (0..600)
-            .map(|k| (libm::sin(k as f64 * 0.02) + 0.01 * libm::sin(k as f64 * 1e3)).min(0.4))
+            .map(|k| ((k as f64 * 0.02).sin() + 0.01 * (k as f64 * 1e3).sin()).min(0.4))
             .collect();
         let few_steps: Vec<f64> = (0..600).map(|k| f64::from(k / 40)).collect();
         let short = [noise(300), vec![0.7; 30], noise(300)].concat();
