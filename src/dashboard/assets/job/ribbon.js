@@ -7,13 +7,11 @@ import { READER } from "../plot/clock.js";
 import { PlotGroup } from "../plot/group.js";
 import { colour, onTheme } from "../plot/theme.js";
 import { h } from "../shell/dom.js";
-import { number, words } from "../shell/format.js";
+import { number } from "../shell/format.js";
 import {
   addressOfWindow,
-  bestAlone,
-  errorText,
-  knownOf,
   LEFT_OUT,
+  laneTitle,
   SHADE_ENDS,
   sharesOf,
   spanOf,
@@ -32,7 +30,6 @@ const TICK_PIXELS = 100;
 // A frame is drawn at least so wide, so that a chosen window of a long time is seen.
 const FRAME = 5;
 const HATCH = 7;
-const FONT = "13px system-ui, sans-serif";
 const TICK_FONT = "12px system-ui, sans-serif";
 const TO_THE_SECOND = { text: (seconds) => READER.text(seconds, 0) };
 
@@ -40,11 +37,11 @@ export class Ribbon {
   /** @param {{ signal: AbortSignal }} view @param {any} selection */
   constructor(view, selection) {
     this.selection = selection;
-    this.lanes = selection.wanted.map(({ name }) => {
-      const errors = selection.windows.alone[name] ?? [];
-      const best = errorText(bestAlone(errors), knownOf(selection, name).known);
-      return { title: `${words(name)}, best window by itself ${best}`, shares: sharesOf(errors) };
-    });
+    this.lanes = selection.wanted.map(({ name }, k) => ({
+      title: laneTitle(selection, name),
+      shares: sharesOf(selection.windows.alone[name] ?? []),
+      top: MARK + k * (NAME + LANE + GAP) + NAME,
+    }));
     // Over a pixel, the windows of all lanes are judged by the lane in which they say most.
     this.shares = Array.from({ length: selection.windows.count }, (_, window) =>
       Math.max(0, ...this.lanes.map(({ shares }) => shares[window] ?? 0)),
@@ -68,6 +65,7 @@ export class Ribbon {
       },
       this.canvas,
       this.mark,
+      this.lanes.map(nameOf),
     );
     const whole = [spanOf(selection, 0)[0], spanOf(selection, selection.windows.count - 1)[1]];
     const centre = () => spanOf(selection, this.cursor).reduce((begin, end) => (begin + end) / 2);
@@ -75,7 +73,7 @@ export class Ribbon {
     this.group.add(this);
     this.element = h(
       "figure",
-      { class: "picture" },
+      { class: "chart" },
       legend(),
       this.group.toolbar,
       this.surface,
@@ -180,17 +178,12 @@ export class Ribbon {
     const ink = this.canvas.getContext("2d");
     ink.scale(ratio, ratio);
     const hatch = hatchOf(ink);
-    this.lanes.forEach((lane, k) => {
-      const top = MARK + k * (NAME + LANE + GAP);
-      ink.font = FONT;
-      ink.fillStyle = colour("text");
-      ink.textBaseline = "middle";
-      ink.fillText(lane.title, 0, top + NAME / 2, wide);
-      for (const { from, to, shade } of stretchesOf(this.selection, lane.shares, this.range, wide)) {
+    for (const { shares, top } of this.lanes) {
+      for (const { from, to, shade } of stretchesOf(this.selection, shares, this.range, wide)) {
         ink.fillStyle = shade === LEFT_OUT ? hatch : colour(`shade-${shade}`);
-        ink.fillRect(from, top + NAME, to - from, LANE);
+        ink.fillRect(from, top, to - from, LANE);
       }
-    });
+    }
     this.drawChosen(ink, wide);
     drawAxis(ink, { range: this.range, wide, top: high - AXIS });
     this.place();
@@ -213,12 +206,18 @@ export class Ribbon {
       ink.lineTo(middle + 6, 0);
       ink.lineTo(middle, MARK - 2);
       ink.fill();
-      this.lanes.forEach((_, k) => {
-        const top = MARK + k * (NAME + LANE + GAP) + NAME;
+      for (const { top } of this.lanes) {
         ink.strokeRect(middle - reach, top - 1, 2 * reach, LANE + 2);
-      });
+      }
     }
   }
+}
+
+// The name of a lane stands above the lane.
+function nameOf({ title, top }) {
+  const name = h("span", { class: "ribbon-name" }, title);
+  name.style.top = `${top - NAME}px`;
+  return name;
 }
 
 // The hatching of windows that were left out.

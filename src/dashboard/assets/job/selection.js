@@ -8,7 +8,15 @@ import { count, duration, instant, number, percent, unitText, words } from "../s
 import { isFinished } from "./feed.js";
 import { plainPanel } from "./plain.js";
 import { Ribbon } from "./ribbon.js";
-import { conclusion, errorText, knownOf, reasonText, streamAddress, windowsText } from "./windows.js";
+import {
+  conclusion,
+  errorText,
+  knownOf,
+  lookedText,
+  reasonText,
+  streamAddress,
+  windowsText,
+} from "./windows.js";
 
 const CHOSEN_COLUMNS = [
   { title: "From" },
@@ -35,34 +43,24 @@ export function selectionPanel(view) {
   });
 }
 
-export function lookedText({ progress }, latest) {
-  return latest
-    ? `${count(latest.looked)} of ${windowsText(latest.windows)}`
-    : count(progress?.evaluations ?? 0);
-}
-
 function report(selection, job, view) {
-  const [sentence, ...others] = conclusion(selection);
   const { chosen, findings, left_out: leftOut } = selection;
   return [
-    h(
-      "p",
-      { class: "conclusion" },
-      h("strong", {}, sentence),
-      others.map((text) => ` ${text}`),
-    ),
+    h("p", { class: "conclusion" }, h("strong", {}, conclusion(selection))),
     findings.length > 0 && warningList(findings),
     chosen.length > 0 && isFinished(job) && estimation(job),
     new Ribbon(view, selection).element,
-    h("h3", {}, "Chosen windows"),
-    chosenTable(selection),
-    chosen.length > 0 && h("p", { class: "quiet" }, ADDS),
-    h("h3", {}, "What would be known"),
-    knownTable(selection),
-    leftOut.length > 0 && h("h3", {}, "What was left out"),
-    leftOut.length > 0 && leftOutTable(leftOut),
+    h(
+      "div",
+      { class: "analysis" },
+      chosen.length > 0 && titled("Chosen windows", chosenTable(selection), h("p", { class: "quiet" }, ADDS)),
+      titled("What would be known", knownTable(selection)),
+      leftOut.length > 0 && titled("What was left out", leftOutTable(leftOut)),
+    ),
   ];
 }
+
+const titled = (title, ...content) => h("div", {}, h("h3", {}, title), content);
 
 // The chosen windows become recordings, and the job that the selection began from is done again on these.
 function estimation(job) {
@@ -107,19 +105,20 @@ function chosenTable(selection) {
       moved.map(words).join(", ") || "–",
       ...names.map((name) => (name in adds ? percent(Number((100 * adds[name]).toPrecision(2))) : "–")),
     ]),
-    { empty: "No window was chosen.", stacked: true },
+    { stacked: true },
   );
 }
 
+// Without a chosen window there is nothing to compare with.
 function knownTable(selection) {
   const { wanted, chosen, with_chosen: parameters } = selection;
+  const compared = chosen.length > 0 ? ["chosen", "random"] : [];
   const columns = [
     { title: "Parameter" },
     { title: "Value", numeric: true },
     { title: "Unit" },
     { title: "Asked for", numeric: true },
-    { title: `With ${windowsText(chosen.length, "chosen")}`, numeric: true },
-    { title: `With ${windowsText(chosen.length, "random")}`, numeric: true },
+    ...compared.map((kind) => ({ title: `With ${windowsText(chosen.length, kind)}`, numeric: true })),
     { title: "With all windows", numeric: true },
   ];
   const targets = new Map(wanted.map(({ name, target }) => [name, target]));
@@ -132,9 +131,7 @@ function knownTable(selection) {
       number(value, 5),
       unitText(unit),
       target === null ? "–" : errorText(target, parameter),
-      known.chosen,
-      known.random,
-      known.all,
+      ...[...compared, "all"].map((kind) => known[kind]),
     ];
   };
   return table("What would be known", columns, parameters.map(row), {

@@ -26,7 +26,11 @@ export function streamAddress(stream, from = null, to = null) {
   return `#/plant/streams/${encodeURIComponent(stream)}${query({ from, to })}`;
 }
 
-// Where a window begins and ends, in seconds since 1970. The last window may be shorter.
+// How many windows of a length there are between two instants. The last window may be shorter.
+export const windowsBetween = (from, to, length) =>
+  Math.ceil((secondsOf(to) - secondsOf(from)) / length - 1e-9);
+
+// Where a window begins and ends, in seconds since 1970.
 /** @returns {[number, number]} */
 export function spanOf({ from, to, window_s: length }, window) {
   const begin = secondsOf(from) + window * length;
@@ -46,7 +50,7 @@ export function addressOfWindow(selection, window) {
 
 // The least error that a single window leaves, or null where none fixes the parameter.
 /** @param {(number | null)[]} errors @returns {number | null} */
-export function bestAlone(errors) {
+function bestAlone(errors) {
   return errors.reduce((best, error) => (error > 0 && (best === null || error < best) ? error : best), null);
 }
 
@@ -81,7 +85,7 @@ export function stretchesOf(selection, shares, [from, to], pixels) {
   /** @type {{ from: number, to: number, shade: number }[]} */
   const stretches = [];
   for (let pixel = 0; pixel < pixels; pixel += 1) {
-    const [first, last] = windowsBetween(selection, from + pixel * step, from + (pixel + 1) * step);
+    const [first, last] = windowsReaching(selection, from + pixel * step, from + (pixel + 1) * step);
     let shade = LEFT_OUT;
     for (let window = first; window <= last; window += 1) {
       if (!reasons[window]) {
@@ -99,7 +103,7 @@ export function stretchesOf(selection, shares, [from, to], pixels) {
 }
 
 // The first and the last window that reach into a span of time.
-function windowsBetween(selection, from, to) {
+function windowsReaching(selection, from, to) {
   const first = windowAt(selection, from);
   const reach = 1e-6 * selection.window_s;
   return [first, Math.max(first, windowAt(selection, to - reach))];
@@ -109,7 +113,7 @@ function windowsBetween(selection, from, to) {
 // says most.
 /** @param {any} selection @param {number[]} shares @param {[number, number]} span */
 export function windowUnder(selection, shares, [from, to]) {
-  const [first, last] = windowsBetween(selection, from, to);
+  const [first, last] = windowsReaching(selection, from, to);
   const chosen = selection.chosen.find(({ window }) => window >= first && window <= last);
   if (chosen) {
     return chosen.window;
@@ -163,19 +167,21 @@ export function knownOf({ with_chosen: chosen, with_random: random, with_all: al
 export const windowsText = (n, kind = "") =>
   `${count(n)} ${kind && `${kind} `}${n === 1 ? "window" : "windows"}`;
 
-// The sentences that say what came out.
-/** @param {any} selection @returns {string[]} */
+// How far a selection came. The last event has been sent a while ago, or there is none yet.
+export function lookedText({ progress, spec }, latest) {
+  const windows = latest?.windows ?? windowsBetween(spec.from, spec.to, spec.selection.window_s);
+  const looked = Math.max(latest?.looked ?? 0, progress?.evaluations ?? 0);
+  return `${count(looked)} of ${windowsText(windows)}`;
+}
+
+// The sentence that says what came out.
+/** @param {any} selection */
 export function conclusion(selection) {
-  const { wanted, chosen, windows, finished } = selection;
-  const names = wanted.map(({ name }) => name);
+  const { wanted, chosen, windows } = selection;
   const looked = windowsText(windows.count);
-  return [
-    chosen.length === 0
-      ? `None of ${looked} says enough of ${listed(names)}.`
-      : `${count(chosen.length)} of ${looked} ${chosen.length === 1 ? "fixes" : "fix"} ${whatIsFixed(selection)}.`,
-    neverText(selection),
-    finished ? "" : "The selection ended early: this is the best that was found in the time.",
-  ].filter(Boolean);
+  return chosen.length === 0
+    ? `None of ${looked} says enough of ${listed(wanted.map(({ name }) => name))}.`
+    : `${count(chosen.length)} of ${looked} ${chosen.length === 1 ? "fixes" : "fix"} ${whatIsFixed(selection)}.`;
 }
 
 // Numbers of more parameters than these stand in the table alone.
@@ -202,15 +208,12 @@ function whatIsFixed(selection) {
   ].join("");
 }
 
-function neverText({ never_fixed: never, wanted }) {
-  if (never.length === 0) {
-    return "";
-  }
-  const isAsked = wanted.some(({ name, target }) => never.includes(name) && target !== null);
-  const aim = isAsked
-    ? "as closely as was asked"
-    : `to half ${never.length > 1 ? "their values" : "its value"}`;
-  return `Not even all windows together fix ${listed(never)} ${aim}.`;
+// The title of a lane says how closely the best window fixes the parameter by itself.
+export function laneTitle(selection, name) {
+  const best = bestAlone(selection.windows.alone[name] ?? []);
+  return best === null
+    ? `${words(name)}: no window fixes it by itself`
+    : `${words(name)}: the best window by itself ${errorText(best, knownOf(selection, name).known)}`;
 }
 
 // What the picture says of a window in words.

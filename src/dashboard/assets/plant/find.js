@@ -111,7 +111,7 @@ class FindWindows {
     this.button.disabled = missing.length > 0;
     const plan = windowsIn(this.stream, this.spec);
     this.planned.textContent = plan
-      ? `${windowsText(plan.windows)} of ${duration(this.spec.window_s)}, each with about ${count(plan.samples)} samples.`
+      ? `${windowsText(plan.windows)} of ${duration(this.spec.window_s)}, each with about ${about(plan.samples)} samples.`
       : "";
   }
 
@@ -154,6 +154,15 @@ class FindWindows {
     this.redraw();
   }
 
+  // Faults stand beside their fields; the box below has what is left.
+  fail(error) {
+    const faults = error.errors ?? [];
+    const others = placeFaults(this.form, faults);
+    const isPlaced = others.length < faults.length;
+    const message = "What is wrong stands beside the fields.";
+    this.outcome.fail(isPlaced ? { title: error.title, message, errors: others } : error);
+  }
+
   async submit() {
     this.button.disabled = true;
     placeFaults(this.form, []);
@@ -165,12 +174,13 @@ class FindWindows {
       });
       location.hash = `/jobs/${data.id}`;
     } catch (error) {
-      error.errors = placeFaults(this.form, error.errors ?? []);
-      this.outcome.fail(error);
+      this.fail(error);
     }
     this.button.disabled = false;
   }
 }
+
+const about = (value) => (value < 10 ? number(value, 2) : count(Math.round(value)));
 
 function choicePart(page) {
   const hint =

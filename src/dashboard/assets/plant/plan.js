@@ -2,6 +2,7 @@
 // This module makes the specification of a monitor from that of a job, and helps to ask for a selection of
 // windows. The functions are pure.
 
+import { windowsBetween } from "../job/windows.js";
 import { parameterRows } from "../model/parameters.js";
 import { suggestSignals } from "../model/signals.js";
 import { secondsOf } from "./instants.js";
@@ -99,12 +100,7 @@ export function windowsIn(stream, { from, to, window_s: length }) {
   if (!stream?.first || !(length > 0)) {
     return null;
   }
-  const [first, last] = [stream.first, stream.last].map(secondsOf);
-  const span = (to ? secondsOf(to) : last) - (from ? secondsOf(from) : first);
-  return span > 0
-    ? {
-        windows: Math.ceil(span / length - 1e-9),
-        samples: Math.round((stream.samples * length) / Math.max(length, last - first)),
-      }
-    : null;
+  const windows = windowsBetween(from ?? stream.first, to ?? stream.last, length);
+  const span = secondsOf(stream.last) - secondsOf(stream.first);
+  return windows > 0 ? { windows, samples: (stream.samples * length) / Math.max(length, span) } : null;
 }
