@@ -9,7 +9,7 @@ const {
   addressOfWindow,
   conclusion,
   errorText,
-  knownOf,
+  expectationOf,
   LEFT_OUT,
   laneTitle,
   lookedText,
@@ -91,7 +91,7 @@ test("an error is a share of the value, and a number where the value is zero", (
   assert.equal(text(0.1, { value: 0, unit: "bar" }), "± 0.1 bar");
   assert.equal(text(null, { value: 2, unit: "bar" }), "not fixed");
   // The value is known also where the chosen windows do not fix the parameter.
-  const { chosen: none, all } = knownOf(selectionOf({ with_chosen: [] }), "gain");
+  const { chosen: none, all } = expectationOf(selectionOf({ with_chosen: [] }), "gain");
   assert.deepEqual([none, all.replaceAll("\u00a0", " ")], ["not fixed", "± 0.6 %"]);
 });
 

@@ -11,7 +11,7 @@ import { Ribbon } from "./ribbon.js";
 import {
   conclusion,
   errorText,
-  knownOf,
+  expectationOf,
   lookedText,
   reasonText,
   streamAddress,
@@ -54,7 +54,7 @@ function report(selection, job, view) {
       "div",
       { class: "analysis" },
       chosen.length > 0 && titled("Chosen windows", chosenTable(selection), h("p", { class: "quiet" }, ADDS)),
-      titled("What would be known", knownTable(selection)),
+      titled("What would be known", expectationTable(selection)),
       leftOut.length > 0 && titled("What was left out", leftOutTable(leftOut)),
     ),
   ];
@@ -110,7 +110,7 @@ function chosenTable(selection) {
 }
 
 // Without a chosen window there is nothing to compare with.
-function knownTable(selection) {
+function expectationTable(selection) {
   const { wanted, chosen, with_chosen: parameters } = selection;
   const compared = chosen.length > 0 ? ["chosen", "random"] : [];
   const columns = [
@@ -124,14 +124,14 @@ function knownTable(selection) {
   const targets = new Map(wanted.map(({ name, target }) => [name, target]));
   const row = (parameter) => {
     const { name, value, unit } = parameter;
-    const known = knownOf(selection, name);
+    const errors = expectationOf(selection, name);
     const target = targets.get(name) ?? null;
     return [
       words(name),
       number(value, 5),
       unitText(unit),
       target === null ? "–" : errorText(target, parameter),
-      ...[...compared, "all"].map((kind) => known[kind]),
+      ...[...compared, "all"].map((kind) => errors[kind]),
     ];
   };
   return table("What would be known", columns, parameters.map(row), {

@@ -155,13 +155,17 @@ function shareText(share) {
   return `${value >= 100 ? count(Math.round(value)) : number(value, 2)}\u00a0%`;
 }
 
-const named = (parameters, name) => parameters.find((parameter) => parameter.name === name);
-
-// What is known of a parameter with the chosen windows, with random windows and with all windows.
-export function knownOf({ with_chosen: chosen, with_random: random, with_all: all }, name) {
-  const [known] = [chosen, random, all].map((parameters) => named(parameters, name)).filter(Boolean);
-  const text = (parameters) => errorText(named(parameters, name)?.total_standard_error ?? null, known);
-  return { known, chosen: text(chosen), random: text(random), all: text(all) };
+// What is expected of a parameter: its estimate, and the errors with the chosen windows, with random windows and
+// with all windows, in words.
+export function expectationOf({ with_chosen: chosen, with_random: random, with_all: all }, name) {
+  const entries = [chosen, random, all].map((parameters) =>
+    parameters.find((parameter) => parameter.name === name),
+  );
+  const parameter = entries.find(Boolean);
+  const [withChosen, withRandom, withAll] = entries.map((entry) =>
+    errorText(entry?.total_standard_error ?? null, parameter),
+  );
+  return { parameter, chosen: withChosen, random: withRandom, all: withAll };
 }
 
 export const windowsText = (n, kind = "") =>
@@ -189,7 +193,7 @@ const MOST_COMPARED = 3;
 
 function whatIsFixed(selection) {
   const { wanted, chosen, reached, samples } = selection;
-  const rows = wanted.map(({ name }) => ({ name, ...knownOf(selection, name) }));
+  const rows = wanted.map(({ name }) => ({ name, ...expectationOf(selection, name) }));
   const isFixed = ({ chosen: text }) => text.startsWith("±");
   const fixed = rows.filter(isFixed).map(({ name, chosen: text }) => `${words(name)} to ${text}`);
   const others = rows.filter((row) => !isFixed(row)).map(({ name }) => name);
@@ -213,7 +217,7 @@ export function laneTitle(selection, name) {
   const best = bestAlone(selection.windows.alone[name] ?? []);
   return best === null
     ? `${words(name)}: no window fixes it by itself`
-    : `${words(name)}: the best window by itself ${errorText(best, knownOf(selection, name).known)}`;
+    : `${words(name)}: the best window by itself ${errorText(best, expectationOf(selection, name).parameter)}`;
 }
 
 // What the picture says of a window in words.
@@ -221,15 +225,15 @@ export function windowText(selection, window, { text }) {
   const { windows, wanted, chosen } = selection;
   const [from, to] = spanOf(selection, window);
   const reason = windows.left_out[window];
-  const says = wanted.map(({ name }) => {
-    const error = errorText(windows.alone[name]?.[window] ?? null, knownOf(selection, name).known);
+  const errors = wanted.map(({ name }) => {
+    const error = errorText(windows.alone[name]?.[window] ?? null, expectationOf(selection, name).parameter);
     return `${words(name)} ${error}`;
   });
   return [
     `${text(from)} to ${text(to)}`,
     `window ${count(window + 1)} of ${count(windows.count)}`,
     chosen.some((entry) => entry.window === window) && "chosen",
-    reason ? `left out: ${reasonText(reason)}` : `by itself ${listed(says)}`,
+    reason ? `left out: ${reasonText(reason)}` : `by itself ${listed(errors)}`,
   ]
     .filter(Boolean)
     .join(" · ");

@@ -111,7 +111,7 @@ class FindWindows {
     this.button.disabled = missing.length > 0;
     const plan = windowsIn(this.stream, this.spec);
     this.planned.textContent = plan
-      ? `${windowsText(plan.windows)} of ${duration(this.spec.window_s)}, each with about ${about(plan.samples)} samples.`
+      ? `${windowsText(plan.windows)} of ${duration(this.spec.window_s)}, each with about ${roundText(plan.samples)} samples.`
       : "";
   }
 
@@ -145,6 +145,10 @@ class FindWindows {
         ]);
         if (!this.jobs.some((offered) => offered.id === id)) {
           this.jobs = [job, ...this.jobs];
+        }
+        // The reader may have chosen another job meanwhile.
+        if (this.spec.job !== id) {
+          return;
         }
         this.estimates = sharedEstimates(job.spec, result);
       }
@@ -180,7 +184,7 @@ class FindWindows {
   }
 }
 
-const about = (value) => (value < 10 ? number(value, 2) : count(Math.round(value)));
+const roundText = (value) => (value < 10 ? number(value, 2) : count(Math.round(value)));
 
 function choicePart(page) {
   const hint =
