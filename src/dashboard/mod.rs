@@ -125,14 +125,14 @@ fn embedded() -> impl IntoIterator<Item = Asset> { assets! {
     "data": "datasets.js" "upload.js";
     "docs": "guide.css" "reference.js";
     "job": "ancestry.js" "budget.js" "contents.js" "correlation.js" "design.js" "disturbance.js" "disturbance_words.js" "effects.js"
-        "feed.js" "heat.js" "job.css" "job.js" "live.js" "posterior.js" "profiles.js" "progress.js" "reading.js" "residuals.js"
-        "result.js" "tables.js" "trajectory.js" "verdict.js";
+        "feed.js" "heat.js" "job.css" "job.js" "live.js" "plain.js" "posterior.js" "profiles.js" "progress.js" "reading.js"
+        "residuals.js" "result.js" "ribbon.js" "selection.js" "tables.js" "trajectory.js" "verdict.js" "windows.js";
     "list": "bulk.js" "columns.js" "dropdown.js" "filter.js" "groups.js" "jobs.css" "jobs.js" "rows.js" "start.js" "views.js";
     "model": "description.js" "editor.js" "equation.js" "excitation.js" "language.js" "models.js"
         "parameters.js" "picture.js" "signals.js" "simulation.js" "sliders.js" "trial.js";
     "new": "draft.js" "fields.js" "job.css" "job.js" "measurement.js" "model.js" "parameters.js" "preflight.js"
         "recordings.js" "search.js" "trial.js";
-    "plant": "access.js" "audit.js" "entries.js" "fields.js" "head.js" "instants.js" "monitor.js" "monitors.js"
+    "plant": "access.js" "audit.js" "entries.js" "fields.js" "find.js" "head.js" "instants.js" "monitor.js" "monitors.js"
         "paged.js" "part.js" "plan.js" "plant.css" "samples.js" "stream.js" "streams.js" "trend.js" "watch.js"
         "webhooks.js" "windows.js";
     "plot": "axes.js" "clock.js" "group.js" "math.js" "plot.css" "plot.js" "save.js" "theme.js" "units.js"

@@ -21,6 +21,7 @@ const shared = {
   begin: Date.now() - 3_600_000,
   job: null,
   monitor: null,
+  selection: null,
 };
 
 // Each window of the stream has the samples of one recording.
@@ -197,6 +198,76 @@ test("a monitor is moved to another window and made again like itself", { skip }
   await page.close();
 });
 
+test("windows of a stream are found for a job by clicks, and read by keyboard", { skip }, async () => {
+  const page = await open(`/#/jobs/${shared.job}`);
+  await press(page, "Find windows in a stream");
+  await says(page, "Still needed: a stream");
+  await (await labelled(page, "Stream")).select(shared.stream);
+  const length = await labelled(page, "Length of a window");
+  await length.evaluate((input) => {
+    input.value = "";
+  });
+  await length.type(String(WINDOW_S));
+  await (await labelled(page, "mass, % or kg")).type("2 %");
+  await (await labelled(page, "Windows at the most")).type("99");
+  await page.keyboard.press("Tab");
+  const { first, last } = await (await fetch(`${base}/v1/streams/${shared.stream}`)).json();
+  const count = Math.round((Date.parse(last) - Date.parse(first)) / (1000 * WINDOW_S));
+  await says(page, `${count} windows of ${WINDOW_S} s, each with about 600 samples`);
+  await press(page, "Find the windows");
+  await says(page, "99 is outside 1 to 32");
+  const most = await labelled(page, "Windows at the most");
+  assert.equal(await most.evaluate((input) => input.getAttribute("aria-invalid")), "true");
+  page.faults.splice(0);
+  await most.evaluate((input) => {
+    input.value = "";
+  });
+  await most.type("2");
+  await page.keyboard.press("Tab");
+  await press(page, "Find the windows");
+  await page.waitForFunction((job) => !location.hash.endsWith(job), PATIENCE, `new?job=${shared.job}`);
+  await page.waitForSelector(".ribbon", PATIENCE);
+  shared.selection = await page.evaluate(() => location.hash.slice("#/jobs/".length));
+  const result = await (await fetch(`${base}/v1/jobs/${shared.selection}/result`)).json();
+  const chosen = result.chosen.map(({ window }) => window);
+  assert.match(
+    await text(page, ".conclusion"),
+    new RegExp(`^${chosen.length} of ${count} windows fix(es)? mass to ±`),
+  );
+  assert.doesNotMatch(await text(page, "main"), /Use as template|Compare methods/);
+
+  // The cursor goes from window to window, and to a chosen window.
+  await page.focus(".ribbon");
+  await page.keyboard.press("Home");
+  assert.match(await text(page, "output.readout"), new RegExp(`window 1 of ${count}`));
+  await page.keyboard.press("ArrowRight");
+  assert.match(await text(page, "output.readout"), new RegExp(`window 2 of ${count}`));
+  await page.keyboard.press("End");
+  const before = chosen.findLast((window) => window < count - 1);
+  if (before !== undefined) {
+    await page.keyboard.press("PageUp");
+    assert.match(await text(page, "output.readout"), new RegExp(`window ${before + 1} of ${count} · chosen`));
+  }
+  await page.keyboard.press("Home");
+  await page.keyboard.press("Enter");
+  await says(page, "Signals in this part");
+  const from = await labelled(page, "From");
+  const shown = await from.evaluate((input) => new Date(input.value).getTime());
+  assert.equal(shown, Date.parse(result.from));
+  await page.goBack();
+  await press(page, "Estimate from these windows");
+  await page.waitForFunction(
+    (id) => location.hash.startsWith("#/jobs/job_") && !location.hash.endsWith(id),
+    PATIENCE,
+    shared.selection,
+  );
+  const id = await page.evaluate(() => location.hash.slice("#/jobs/".length));
+  const { spec } = await ended(id);
+  assert.equal(spec.experiments.length, chosen.length);
+  assert.deepEqual(page.faults, []);
+  await page.close();
+});
+
 test("a webhook is made, shows its secret once and what becomes of deliveries, and is deleted", {
   skip,
 }, async () => {
@@ -259,6 +330,8 @@ test("every page about the plant is accessible, fits its width and makes no faul
     monitors: "/#/plant",
     monitor: `/#/plant/monitors/${shared.monitor}`,
     new_monitor: `/#/plant/monitors/new?job=${shared.job}&stream=${shared.stream}`,
+    find_windows: `/#/plant/windows/new?job=${shared.job}&stream=${shared.stream}`,
+    selection: `/#/jobs/${shared.selection}`,
     streams: "/#/plant/streams",
     stream: `/#/plant/streams/${shared.stream}`,
     webhooks: "/#/plant/webhooks",

@@ -3,10 +3,9 @@
 // the end it shows what to play or when to measure, and what the experiment is expected to bring.
 
 import { plot } from "../plot/plot.js";
-import { get } from "../shell/api.js";
-import { facts, h, notice, table, warningList } from "../shell/dom.js";
-import { count, duration, number, unitText, words } from "../shell/format.js";
-import { isAtRest, isFinished } from "./feed.js";
+import { h, table, warningList } from "../shell/dom.js";
+import { count, number, unitText, words } from "../shell/format.js";
+import { plainPanel } from "./plain.js";
 
 const KNOWN_COLUMNS = [
   { title: "Unknown" },
@@ -28,58 +27,16 @@ const SENSOR_COLUMNS = [{ title: "One sensor more" }, { title: "Error against wi
 const UNIT_OF = { s: "s", hz: "Hz" };
 
 export function designPanel(view) {
-  const bar = h("progress", { max: "1", value: "0", "aria-label": "Progress of the design" });
-  const numbers = h("div", {});
-  const outcome = notice();
-  const content = h("div", {});
-  const element = h(
-    "section",
-    { "aria-label": "Design of an experiment" },
-    h("h2", {}, "The next experiment"),
-    bar,
-    numbers,
-    outcome.place,
-    content,
-  );
-  let shown = null;
-  return {
-    element,
-    async job(job) {
-      const progress = job.progress ?? {};
-      bar.value = progress.fraction ?? 0;
-      bar.hidden = isFinished(job);
-      numbers.replaceChildren(
-        facts([
-          ["Experiments looked at", count(progress.evaluations)],
-          [
-            "Time left",
-            job.status === "running" && Number.isFinite(progress.eta_s)
-              ? `at most ${duration(progress.eta_s)}`
-              : null,
-          ],
-        ]),
-      );
-      if (isAtRest(job) && shown !== job.status) {
-        shown = job.status;
-        await get(`/v1/jobs/${job.id}/result`, view.signal).then(
-          ({ data }) => content.replaceChildren(...report(data, view)),
-          (error) => error.status === 409 || outcome.fail(error),
-        );
-      }
-    },
-    history(best) {
-      if (best && shown === null) {
-        content.replaceChildren(
-          h(
-            "p",
-            {},
-            `Best of ${count(best.assessed)}: ${words(best.best.name)}, ${played(best.best.excitation)}.`,
-          ),
-          knownTable([], best.best.after),
-        );
-      }
-    },
-  };
+  return plainPanel(view, {
+    label: "Design of an experiment",
+    title: "The next experiment",
+    counts: ({ progress }) => [["Experiments looked at", count(progress?.evaluations)]],
+    interim: ({ assessed, best }) => [
+      h("p", {}, `Best of ${count(assessed)}: ${words(best.name)}, ${played(best.excitation)}.`),
+      knownTable([], best.after),
+    ],
+    report: (design) => report(design, view),
+  });
 }
 
 function report(design, view) {
@@ -112,7 +69,7 @@ function report(design, view) {
         SENSOR_COLUMNS,
         design.sensors.map((sensor) => [words(sensor.output), `× ${number(sensor.relative_error, 3)}`]),
       ),
-  ].filter(Boolean);
+  ];
 }
 
 // The table has the standard deviations that count the tolerances of assumed values; an unknown that

@@ -26,7 +26,8 @@ export class JobFeed {
     this.look = null;
     this.findings = new Map();
     this.rows = new Map();
-    this.design = null;
+    // The last event of a design or of a selection that says how far the job came.
+    this.latest = null;
     this.drawing = false;
   }
 
@@ -89,10 +90,12 @@ export class JobFeed {
       this.rows.set(row.generation, row);
       this.draw();
     });
-    on("design", (best) => {
-      this.design = best;
-      this.draw();
-    });
+    for (const name of ["design", "selection"]) {
+      on(name, (latest) => {
+        this.latest = latest;
+        this.draw();
+      });
+    }
     on("refinement", (row) => {
       this.refinements.set(row.iteration, row);
       this.draw();

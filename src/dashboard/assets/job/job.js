@@ -5,7 +5,7 @@
 import { badge, trustBadge } from "../list/rows.js";
 import { get, send } from "../shell/api.js";
 import { facts, h, notice, problemBox } from "../shell/dom.js";
-import { instant } from "../shell/format.js";
+import { duration, instant, timeSpan } from "../shell/format.js";
 import { FOLLOWS } from "../shell/prepared.js";
 import { contentsOf, startTour } from "./contents.js";
 import { designPanel } from "./design.js";
@@ -14,7 +14,9 @@ import { isFinished, JobFeed } from "./feed.js";
 import { livePanel } from "./live.js";
 import { progressPanel } from "./progress.js";
 import { resultPanel } from "./result.js";
+import { selectionPanel } from "./selection.js";
 import { trajectoryPanel } from "./trajectory.js";
+import { streamAddress } from "./windows.js";
 
 export function showJob(view, id) {
   const heading = h("h1", { tabindex: "-1" }, id);
@@ -33,7 +35,8 @@ export function showJob(view, id) {
     trajectory: trajectoryPanel(view, id),
     disturbance: disturbancePanel(view, id),
   };
-  const design = designPanel(view);
+  // A job that estimates nothing has a panel of its kind instead of the panels above.
+  const kinds = { design: designPanel(view), selection: selectionPanel(view) };
   const body = h("div", { hidden: true }, parts.actions, parts.about);
   const columns = [h("div", {}), h("div", {})];
   const below = h("div", {});
@@ -71,8 +74,9 @@ export function showJob(view, id) {
       body.hidden = false;
       heading.textContent = job.name || `Unnamed job, ${job.model}`;
       document.title = `${heading.textContent} · greybox`;
-      if (job.kind === "design") {
-        design.job(job);
+      const plain = kinds[job.kind];
+      if (plain) {
+        plain.job(job);
       } else {
         panels.progress.job(job);
         panels.live.job(job);
@@ -85,8 +89,8 @@ export function showJob(view, id) {
       parts.actions.replaceChildren(...buttons(job, feed, outcome));
       parts.about.replaceChildren(about(job), job.error ? problemBox(asProblem(job.error)) : "");
       parts.spec.replaceChildren(specification(job));
-      if (job.kind === "design") {
-        body.append(design.element, parts.spec);
+      if (plain) {
+        body.append(plain.element, parts.spec);
         return;
       }
       arrange(false);
@@ -106,8 +110,9 @@ export function showJob(view, id) {
       });
     },
     history: () => {
-      if (feed.job?.kind === "design") {
-        design.history(feed.design);
+      const plain = kinds[feed.job?.kind];
+      if (plain) {
+        plain.history(feed.latest);
         return;
       }
       const rows = feed.generations();
@@ -133,19 +138,24 @@ function asProblem(error) {
   return { title: error.title, detail: error.detail ?? error.title, errors: error.errors };
 }
 
+// A link to a recording or to a job has its name once the name has been read.
+/** @param {"datasets" | "jobs"} list @param {string} id */
+function linkNamed(list, id) {
+  const link = h("a", { href: `#/${list}/${id}` }, id);
+  get(`/v1/${list}/${id}`).then(
+    ({ data }) => {
+      link.textContent = data.name || id;
+      link.title = id;
+    },
+    () => {},
+  );
+  return link;
+}
+
 function about(job) {
   const ids = [...new Set((job.spec?.experiments ?? []).map(({ dataset }) => dataset))];
-  const datasets = ids.map((id) => {
-    const link = h("a", { href: `#/datasets/${id}` }, id);
-    get(`/v1/datasets/${id}`).then(
-      ({ data }) => {
-        link.textContent = data.name || id;
-        link.title = id;
-      },
-      () => {},
-    );
-    return link;
-  });
+  const datasets = ids.map((id) => linkNamed("datasets", id));
+  const { selection, from, to } = job.spec ?? {};
   // The job that this one follows stands with the result.
   const labels = Object.entries(job.labels ?? {})
     .filter(([name]) => name !== FOLLOWS)
@@ -158,6 +168,10 @@ function about(job) {
       datasets.length > 1 ? "Datasets" : "Dataset",
       datasets.length ? datasets.flatMap((link) => [link, " "]) : null,
     ],
+    ["Stream", selection && h("a", { href: streamAddress(selection.stream) }, selection.stream)],
+    ["For the job", selection && linkNamed("jobs", selection.job)],
+    ["Time", selection && timeSpan(from, to)],
+    ["Length of a window", selection && duration(selection.window_s)],
     ["Labels", labels],
     ["Created", instant(job.created_at)],
     ["Started", job.started_at && instant(job.started_at)],
@@ -191,12 +205,14 @@ function buttons(job, feed, outcome) {
     }
   };
   const name = (action) => action[0].toUpperCase() + action.slice(1);
+  const link = (label, href) => h("a", { class: "button", href }, label);
+  const estimates = job.kind === "identification";
   return [
     ...job.actions.map((action) => button(name(action), act(action))),
-    job.kind !== "design" && h("a", { class: "button", href: `#/new?from=${job.id}` }, "Use as template"),
-    job.kind !== "design" &&
-      h("a", { class: "button", href: `#/plant/monitors/new?job=${job.id}` }, "Watch a stream"),
-    job.kind !== "design" && isFinished(job) && button("Compare methods", () => compareMethods(job, outcome)),
+    estimates && link("Use as template", `#/new?from=${job.id}`),
+    estimates && link("Watch a stream", `#/plant/monitors/new?job=${job.id}`),
+    estimates && isFinished(job) && link("Find windows in a stream", `#/plant/windows/new?job=${job.id}`),
+    estimates && isFinished(job) && button("Compare methods", () => compareMethods(job, outcome)),
     isFinished(job) && button("Delete", remove, "danger"),
   ].filter(Boolean);
 }

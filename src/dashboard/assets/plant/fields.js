@@ -9,7 +9,7 @@ import { number, numberOf, unitText, words } from "../shell/format.js";
 import { fieldSeconds, fieldText, isoBefore, secondsOf } from "./instants.js";
 import { driftWith, searchedNames } from "./plan.js";
 
-function part(title, hint, draw) {
+export function part(title, hint, draw) {
   const place = h("div", {});
   const element = h(
     "section",
@@ -25,7 +25,7 @@ const valueAt = (spec, path) => path.reduce((value, key) => value?.[key], spec);
 
 // The field has the value at a path of the specification; `scale` turns it to the unit of the field, and
 // `put` takes a typed value where the path alone is not enough.
-function numberField(page, title, path, { hint = "", scale = 1, put = null } = {}) {
+export function numberField(page, title, path, { hint = "", scale = 1, put = null } = {}) {
   const value = valueAt(page.spec, path);
   const input = h("input", {
     type: "text",
@@ -43,10 +43,52 @@ function numberField(page, title, path, { hint = "", scale = 1, put = null } = {
       }
     },
   });
-  return h("label", {}, title, input);
+  return pointed(h("label", {}, title, input), path);
 }
 
-function choice(title, options, chosen, act) {
+// The field has the instant at a path of the specification.
+export function instantField(page, title, path) {
+  const value = valueAt(page.spec, path);
+  const input = h("input", {
+    type: "datetime-local",
+    step: "0.001",
+    value: value ? fieldText(secondsOf(value)) : "",
+    onchange: () => {
+      const seconds = fieldSeconds(input.value);
+      page.at(path, Number.isFinite(seconds) ? isoBefore(seconds) : undefined);
+    },
+  });
+  return pointed(h("label", {}, title, input), path);
+}
+
+// Notes the path of a field, so that the faults of the server find the field.
+export function pointed(label, path) {
+  label.dataset.pointer = `/${path.join("/")}`;
+  return label;
+}
+
+// Shows faults beside their fields, in place of the faults before, and gives the faults that have no field.
+export function placeFaults(form, faults) {
+  for (const before of form.querySelectorAll(".fault")) {
+    before.previousElementSibling.removeAttribute("aria-invalid");
+    before.previousElementSibling.removeAttribute("aria-describedby");
+    before.remove();
+  }
+  const labels = [...form.querySelectorAll("[data-pointer]")];
+  return faults.filter(({ pointer = "", detail }, k) => {
+    const label = labels.find(({ dataset }) => `${pointer}/`.startsWith(`${dataset.pointer}/`));
+    const field = label?.querySelector("input, select");
+    if (field) {
+      const id = `fault-${k}`;
+      field.setAttribute("aria-invalid", "true");
+      field.setAttribute("aria-describedby", id);
+      field.after(h("span", { class: "fault bad fine", id }, detail));
+    }
+    return !field;
+  });
+}
+
+export function choice(title, options, chosen, act) {
   return h(
     "label",
     {},
@@ -89,7 +131,7 @@ export function choicePart(page) {
   });
 }
 
-function jobText({ id, name, model, created_at: created }) {
+export function jobText({ id, name, model, created_at: created }) {
   return `${name || id} (${model}, ${new Date(created).toLocaleDateString()})`;
 }
 
@@ -129,29 +171,17 @@ function signalChoice(page, experiment, [signal, kind]) {
 }
 
 export function windowsPart(page) {
-  return part("3. Windows", "Windows follow the time of the stream.", () => {
-    const { from } = page.spec.window ?? {};
-    const begin = h("input", {
-      type: "datetime-local",
-      step: "0.001",
-      value: from ? fieldText(secondsOf(from)) : "",
-      onchange: () => {
-        const seconds = fieldSeconds(begin.value);
-        page.at(["window", "from"], Number.isFinite(seconds) ? isoBefore(seconds) : undefined);
-      },
-    });
-    return [
-      h(
-        "div",
-        { class: "fields" },
-        numberField(page, "Length of a window, s", ["window", "length_s"], { hint: "60" }),
-        numberField(page, "One begins every, s", ["window", "every_s"], { hint: "its length" }),
-        numberField(page, "Wait for late samples, s", ["window", "delay_s"], { hint: "0" }),
-        h("label", {}, "The first begins (empty: with the oldest sample)", begin),
-      ),
-      movementFields(page),
-    ];
-  });
+  return part("3. Windows", "Windows follow the time of the stream.", () => [
+    h(
+      "div",
+      { class: "fields" },
+      numberField(page, "Length of a window, s", ["window", "length_s"], { hint: "60" }),
+      numberField(page, "One begins every, s", ["window", "every_s"], { hint: "its length" }),
+      numberField(page, "Wait for late samples, s", ["window", "delay_s"], { hint: "0" }),
+      instantField(page, "The first begins (empty: with the oldest sample)", ["window", "from"]),
+    ),
+    movementFields(page),
+  ]);
 }
 
 // A window is worth a job when something moves in it.
@@ -167,7 +197,12 @@ function movementFields(page) {
   return h(
     "div",
     { class: "fields" },
-    choice("Worked only when", [["", "it says something of a parameter"], ...signals], movement?.signal, choose),
+    choice(
+      "Worked only when",
+      [["", "it says something of a parameter"], ...signals],
+      movement?.signal,
+      choose,
+    ),
     movement &&
       numberField(page, "moves by more than, % of its range so far", ["only_when", "moves_more_than"], {
         scale: 100,

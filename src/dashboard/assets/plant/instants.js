@@ -2,7 +2,9 @@
 // This module goes between the instants of the server, the seconds since 1970 that plots show, and the
 // fields in which people choose an instant. The functions are pure.
 
-export const secondsOf = (text) => Date.parse(text) / 1000;
+import { secondsOf } from "../plot/clock.js";
+
+export { secondsOf };
 
 // The texts name the millisecond before and after an instant, so that a part between them is whole.
 export const isoBefore = (seconds) => new Date(Math.floor(1000 * seconds + 1e-3)).toISOString();
@@ -17,6 +19,13 @@ export function fieldText(seconds) {
 
 // Reads a field of the type datetime-local; the answer is NaN where the field is empty.
 export const fieldSeconds = (text) => new Date(text).getTime() / 1000;
+
+// The part that the query of an address names with `from` and `to`; null where it names none.
+/** @param {URLSearchParams} query @returns {[number, number] | null} */
+export function partNamed(query) {
+  const [from, to] = ["from", "to"].map((name) => secondsOf(query.get(name) ?? ""));
+  return from < to ? [from, to] : null;
+}
 
 // The part has every sample of a stream: a part ends before the instant that it names as its end.
 export function wholeOf({ first, last }) {

@@ -85,12 +85,15 @@ export class PartPlots {
     );
   }
 
-  start() {
+  // Shows a part of the stream, or the whole stream where `part` is null.
+  start(part = null) {
     this.addPlots();
     this.fill();
     const { samples } = this.stream;
     const [from, to] = this.group.full;
-    if (samples > MOST_INSTANTS) {
+    if (part) {
+      this.group.show(part);
+    } else if (samples > MOST_INSTANTS) {
       this.group.show([to - ((to - from) * MOST_INSTANTS) / samples, to]);
     } else {
       this.group.start();

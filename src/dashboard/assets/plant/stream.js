@@ -7,7 +7,7 @@ import { get, pause, query, request, send } from "../shell/api.js";
 import { facts, h, notice } from "../shell/dom.js";
 import { count, duration, instant, size } from "../shell/format.js";
 import { nameHeading, plantHead } from "./head.js";
-import { isoAfter, isoBefore, secondsOf } from "./instants.js";
+import { isoAfter, isoBefore, partNamed, secondsOf } from "./instants.js";
 import { PartPlots } from "./part.js";
 
 const POLL_MS = 5000;
@@ -30,6 +30,8 @@ class StreamPage {
     this.plots = null;
     this.lost = false;
     this.isEnding = false;
+    // The address may name the part that is shown first.
+    this.part = partNamed(view.query);
   }
 
   async start() {
@@ -83,12 +85,13 @@ class StreamPage {
     this.plots?.leave();
     const { view } = this;
     this.plots = stream.first ? new PartPlots({ view, address: this.address, stream }) : null;
-    const watch = `#/plant/monitors/new?stream=${encodeURIComponent(this.name)}`;
+    const ofStream = query({ stream: this.name });
     this.element.replaceChildren(
       h(
         "div",
         { class: "actions" },
-        h("a", { class: "button", href: watch }, "Watch it with a monitor"),
+        h("a", { class: "button", href: `#/plant/monitors/new${ofStream}` }, "Watch it with a monitor"),
+        h("a", { class: "button", href: `#/plant/windows/new${ofStream}` }, "Find windows for a job"),
         h(
           "button",
           { type: "button", class: "danger", onclick: () => this.removeStream() },
@@ -98,7 +101,8 @@ class StreamPage {
       this.facts,
       ...(this.plots ? this.partOf(this.plots) : [h("p", {}, "It has no samples.")]),
     );
-    this.plots?.start();
+    this.plots?.start(this.part);
+    this.part = null;
   }
 
   partOf(plots) {
@@ -119,8 +123,8 @@ class StreamPage {
     ];
   }
 
-  // Gives the part as the API takes it, which ends before its `to`.
-  part() {
+  // Gives the chosen part as the API takes it, which ends before its `to`.
+  chosen() {
     const [from, to] = this.plots.chosen();
     return { from: isoBefore(from), to: isoAfter(to) };
   }
@@ -129,7 +133,7 @@ class StreamPage {
     return this.outcome.attempt(async () => {
       const { data } = await send("POST", `${this.address}/recordings`, {
         ...(name ? { name } : {}),
-        ...this.part(),
+        ...this.chosen(),
       });
       location.hash = `/datasets/${data.id}`;
     });
@@ -137,7 +141,7 @@ class StreamPage {
 
   saveCsv() {
     return this.outcome.attempt(async () => {
-      const { data } = await request("GET", `${this.address}${query(this.part())}`, {
+      const { data } = await request("GET", `${this.address}${query(this.chosen())}`, {
         headers: { accept: "text/csv" },
         signal: this.view.signal,
       });
@@ -147,7 +151,7 @@ class StreamPage {
 
   removePart() {
     return this.outcome.attempt(async () => {
-      const { from, to } = this.part();
+      const { from, to } = this.chosen();
       const [first, end] = [from, to].map((text) => new Date(text).toLocaleString());
       if (!confirm(`Remove the samples of ${this.name} from ${first} until ${end}? They do not come back.`)) {
         return;

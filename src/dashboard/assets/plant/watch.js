@@ -11,7 +11,7 @@ import { placed, readText } from "../text/document.js";
 import { Editor, editorLibrary } from "../text/editor.js";
 import { alarmsPart, choicePart, driftPart, signalsPart, windowsPart } from "./fields.js";
 import { plantHead } from "./head.js";
-import { likeMonitor, missingParts, signalsIn, templateOf } from "./plan.js";
+import { likeMonitor, missingParts, offeredJobs, signalsIn, templateOf } from "./plan.js";
 
 const JOBS_OFFERED = 200;
 
@@ -54,11 +54,6 @@ async function load(view) {
     start.model = await modelOf(start.spec.job, signal);
   }
   return start;
-}
-
-// A design estimates nothing, and a job that a monitor made is one window of many.
-function offeredJobs(jobs) {
-  return jobs.filter(({ method, labels }) => method && !labels.monitor);
 }
 
 async function modelOf(job, signal) {

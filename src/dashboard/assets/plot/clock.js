@@ -23,6 +23,7 @@ const MONTH = new Intl.DateTimeFormat(undefined, { timeZone: "UTC", month: "shor
 const isoDay = (wall) => new Date(wall).toISOString().slice(0, 10);
 const year = (wall) => String(new Date(wall).getUTCFullYear());
 
+export const secondsOf = (text) => Date.parse(text) / 1000;
 export const isoText = (seconds) => new Date(Math.round(1000 * seconds)).toISOString();
 
 // Gives the clock of a recording, and null where its source did not say when it begins.

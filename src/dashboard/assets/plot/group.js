@@ -15,7 +15,8 @@ export class PlotGroup {
   /**
    * `full` is the whole range. `load(from, to, pixels, signal)` reads a part; both ends are null for the
    * whole range. `failed` is called with an error, `moved` with the part that is shown from now on. `clock`
-   * is that of the recording, or null.
+   * is that of the recording, or null. `centre()` gives what a zoom keeps in the middle, which else is the middle of
+   * the part.
    *
    * @param {{
    *   full: any,
@@ -23,6 +24,7 @@ export class PlotGroup {
    *   failed?: (error: any) => void,
    *   clock?: ReturnType<typeof import("./clock.js").clockOf>,
    *   moved?: (part: any) => void,
+   *   centre?: () => number | null,
    *   load?: (from: number, to: number, pixels: number, abort: AbortSignal) => Promise<any>,
    * }} options
    */
@@ -32,9 +34,11 @@ export class PlotGroup {
     signal = null,
     failed = () => {},
     moved = () => {},
+    centre = () => null,
     clock = null,
   }) {
     this.clock = clock;
+    this.centre = centre;
     this.full = full;
     this.load = load;
     this.signal = signal;
@@ -112,7 +116,7 @@ export class PlotGroup {
 
   zoom(factor) {
     const [from, to] = this.part ?? this.full ?? [0, 1];
-    const [middle, reach] = [(from + to) / 2, ((to - from) * factor) / 2];
+    const [middle, reach] = [this.centre() ?? (from + to) / 2, ((to - from) * factor) / 2];
     const part = [middle - reach, middle + reach];
     this.show(this.full && part[0] <= this.full[0] && part[1] >= this.full[1] ? null : part);
   }

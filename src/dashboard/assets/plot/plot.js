@@ -249,7 +249,7 @@ class Plot {
     return {
       width: wide,
       height: this.height,
-      padding: [10, 12, 0, 0],
+      padding: [10, 20, 0, 0],
       legend: { show: false },
       scales: {
         x: { time: false, auto: false },

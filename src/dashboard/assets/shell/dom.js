@@ -125,7 +125,8 @@ export function warningList(warnings) {
         {},
         h("code", {}, warning.code),
         warning.signal && [" in ", h("strong", {}, warning.signal)],
-        `: ${warning.detail}`,
+        ": ",
+        quoted(warning.detail),
       ),
     ),
   );

@@ -25,6 +25,7 @@ const VIEWS = [
   [/^\/plant\/monitors\/([^/]+)$/, () => import("../plant/monitor.js"), "showMonitor"],
   [/^\/plant\/streams$/, () => import("../plant/streams.js"), "showStreams"],
   [/^\/plant\/streams\/([^/]+)$/, () => import("../plant/stream.js"), "showStream"],
+  [/^\/plant\/windows\/new$/, () => import("../plant/find.js"), "showFindWindows"],
   [/^\/plant\/webhooks$/, () => import("../plant/webhooks.js"), "showWebhooks"],
   [/^\/plant\/webhooks\/([^/]+)$/, () => import("../plant/webhooks.js"), "showWebhook"],
   [/^\/plant\/audit$/, () => import("../plant/audit.js"), "showAudit"],

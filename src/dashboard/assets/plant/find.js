@@ -1,0 +1,286 @@
+// @ts-check
+// The page asks for the windows of a stream that fix the parameters of a finished job best: how closely each
+// parameter is to be known, or how many samples there may be.
+
+import { errorText, windowsText } from "../job/windows.js";
+import { toleranceOf } from "../model/parameters.js";
+import { changed } from "../new/draft.js";
+import { titledField } from "../new/fields.js";
+import { get, items, repeatKey, send } from "../shell/api.js";
+import { defaultAt, described } from "../shell/description.js";
+import { h, keepingFocus, notice } from "../shell/dom.js";
+import { count, duration, number, quantity, words } from "../shell/format.js";
+import { choice, instantField, jobText, numberField, part, placeFaults, pointed } from "./fields.js";
+import { plantHead } from "./head.js";
+import { missingOfSelection, offeredJobs, sharedEstimates, usualLength, windowsIn } from "./plan.js";
+
+const JOBS_OFFERED = 200;
+
+export function showFindWindows(view) {
+  const outcome = notice();
+  const place = h("div", {}, h("p", { class: "quiet" }, "Loading …"));
+  plantHead(view, "/plant/streams", "Find windows");
+  view.root.append(place);
+  load(view)
+    .then((start) => {
+      const page = new FindWindows(view, start, outcome);
+      place.replaceChildren(...page.elements());
+      page.redraw();
+    })
+    .catch((error) => {
+      place.replaceChildren(outcome.place);
+      outcome.fail(error);
+    });
+}
+
+async function load({ signal, query }) {
+  const [streams, jobs, description] = await Promise.all([
+    get("/v1/streams?limit=500", signal),
+    get(`/v1/jobs?view=summary&limit=${JOBS_OFFERED}`, signal),
+    described(),
+  ]);
+  return {
+    streams: new Map(items(streams.data).map((stream) => [stream.name, stream])),
+    jobs: offeredJobs(jobs.data.items).filter((job) => job.finished_at),
+    description,
+    stream: query.get("stream"),
+    job: query.get("job"),
+  };
+}
+
+class FindWindows {
+  constructor(view, { streams, jobs, description, stream, job }, outcome) {
+    this.view = view;
+    this.streams = streams;
+    this.jobs = jobs;
+    this.description = description;
+    this.outcome = outcome;
+    this.keyOf = repeatKey();
+    /** @type {any} */
+    this.spec = {};
+    // The parameters of the chosen job that can be asked for.
+    this.estimates = [];
+    // The length of windows that the page suggested for the stream.
+    this.suggested = undefined;
+    this.planned = h("p", { role: "status", class: "quiet" });
+    this.parts = [choicePart, timePart, targetPart, limitPart].map((make) => make(this));
+    this.form = h(
+      "div",
+      { class: "steps" },
+      this.parts.map(({ element }) => element),
+    );
+    this.lack = h("p", { role: "status", class: "quiet" });
+    this.button = h(
+      "button",
+      { type: "button", class: "primary", onclick: () => this.submit() },
+      "Find the windows",
+    );
+    if (stream) {
+      this.takeStream(stream);
+    }
+    if (job) {
+      this.chooseJob(job);
+    }
+  }
+
+  elements() {
+    return [this.form, this.outcome.place, this.lack, h("div", { class: "actions" }, this.button)];
+  }
+
+  get stream() {
+    return this.streams.get(this.spec.stream) ?? null;
+  }
+
+  at(path, value) {
+    this.spec = changed(this.spec, path, value);
+    this.tell();
+  }
+
+  redraw() {
+    keepingFocus(this.form, () => {
+      for (const { draw } of this.parts) {
+        draw();
+      }
+    });
+    this.tell();
+  }
+
+  tell() {
+    const missing = missingOfSelection(this.spec);
+    this.lack.textContent = missing.length ? `Still needed: ${missing.join("; ")}.` : "";
+    this.button.disabled = missing.length > 0;
+    const plan = windowsIn(this.stream, this.spec);
+    this.planned.textContent = plan
+      ? `${windowsText(plan.windows)} of ${duration(this.spec.window_s)}, each with about ${roundText(plan.samples)} samples.`
+      : "";
+  }
+
+  // A length that the reader has typed stays when another stream is chosen.
+  takeStream(name) {
+    this.spec = changed(this.spec, ["stream"], name || undefined);
+    if (this.stream?.first && this.spec.window_s === this.suggested) {
+      this.suggested = usualLength(this.stream);
+      this.spec = changed(this.spec, ["window_s"], this.suggested);
+    }
+  }
+
+  chooseStream(name) {
+    this.takeStream(name);
+    this.redraw();
+  }
+
+  async chooseJob(id) {
+    this.spec = changed(this.spec, ["job"], id || undefined);
+    this.spec = changed(this.spec, ["target"], undefined);
+    this.estimates = [];
+    try {
+      this.outcome.clear();
+      if (id) {
+        const { signal } = this.view;
+        const address = `/v1/jobs/${encodeURIComponent(id)}`;
+        /** @type {{ data: any }[]} */
+        const [{ data: job }, { data: result }] = await Promise.all([
+          get(address, signal),
+          get(`${address}/result`, signal),
+        ]);
+        if (!this.jobs.some((offered) => offered.id === id)) {
+          this.jobs = [job, ...this.jobs];
+        }
+        // The reader may have chosen another job meanwhile.
+        if (this.spec.job !== id) {
+          return;
+        }
+        this.estimates = sharedEstimates(job.spec, result);
+      }
+    } catch (error) {
+      this.outcome.fail(error);
+    }
+    this.redraw();
+  }
+
+  // Faults stand beside their fields; the box below has what is left.
+  fail(error) {
+    const faults = error.errors ?? [];
+    const others = placeFaults(this.form, faults);
+    const isPlaced = others.length < faults.length;
+    const message = "What is wrong stands beside the fields.";
+    this.outcome.fail(isPlaced ? { title: error.title, message, errors: others } : error);
+  }
+
+  async submit() {
+    this.button.disabled = true;
+    placeFaults(this.form, []);
+    try {
+      this.outcome.clear();
+      const { data } = await send("POST", "/v1/selections", this.spec, {
+        signal: this.view.signal,
+        headers: { "idempotency-key": this.keyOf(JSON.stringify(this.spec)) },
+      });
+      location.hash = `/jobs/${data.id}`;
+    } catch (error) {
+      this.fail(error);
+    }
+    this.button.disabled = false;
+  }
+}
+
+const roundText = (value) => (value < 10 ? number(value, 2) : count(Math.round(value)));
+
+function choicePart(page) {
+  const hint =
+    "A stream of months has many hours in which nothing moves. The windows that tell most about the parameters of a finished job are looked for.";
+  return part("1. Stream and job", hint, () => {
+    const none = /** @type {[string, string]} */ (["", "– choose –"]);
+    const streams = [...page.streams.keys()].map((name) => [name, name]);
+    const jobs = page.jobs.map((job) => [job.id, jobText(job)]);
+    const { stream, job } = page.spec;
+    return [
+      h(
+        "div",
+        { class: "fields" },
+        pointed(
+          choice("Stream", [none, ...streams], stream, (name) => page.chooseStream(name)),
+          ["stream"],
+        ),
+        pointed(
+          choice("Finished job", [none, ...jobs], job, (id) => page.chooseJob(id)),
+          ["job"],
+        ),
+      ),
+      streams.length === 0 && h("p", {}, "There is no stream yet: the plant has to append samples first."),
+      jobs.length === 0 &&
+        h("p", {}, "No job has ended yet. ", h("a", { href: "#/new" }, "Make the first one"), "."),
+    ];
+  });
+}
+
+function timePart(page) {
+  return part("2. Windows", null, () => [
+    h(
+      "div",
+      { class: "fields" },
+      instantField(page, "From (empty: the oldest sample)", ["from"]),
+      instantField(page, "To (empty: the newest sample)", ["to"]),
+      numberField(page, "Length of a window, s", ["window_s"], { hint: "3600" }),
+    ),
+    page.planned,
+  ]);
+}
+
+function targetPart(page) {
+  const hint =
+    "How closely each parameter is to be known: a share of its value, as 5 %, or a number in its unit. Parameters that are left empty do not matter; where all are left empty, all matter.";
+  return part("3. Parameters", hint, () =>
+    page.estimates.length
+      ? [
+          h(
+            "div",
+            { class: "fields targets" },
+            page.estimates.map((estimate) => targetField(page, estimate)),
+          ),
+        ]
+      : [
+          h(
+            "p",
+            { class: "quiet" },
+            page.spec.job
+              ? "The job estimates nothing that all its experiments share."
+              : "Choose a job first.",
+          ),
+        ],
+  );
+}
+
+// The value that the job came to stands below the field.
+function targetField(page, parameter) {
+  const { name, unit, estimate, standard_error: noise, total_standard_error: total } = parameter;
+  const path = ["target", name];
+  const title = unit === "1" ? words(name) : `${words(name)}, % or ${unit}`;
+  const label = titledField(
+    `${title}: ± at the most`,
+    page.spec.target?.[name],
+    (text) => page.at(path, toleranceOf(text)),
+    { text: true, hint: "5 %", size: "12" },
+  );
+  const error = errorText(total ?? noise ?? null, { value: estimate, unit });
+  label.append(h("span", { class: "quiet fine" }, `now ${quantity(number(estimate, 4), unit)}, ${error}`));
+  return pointed(label, path);
+}
+
+function limitPart(page) {
+  const most = defaultAt(page.description, "SelectionDocument", ["max_windows"]);
+  return part(
+    "4. Limits",
+    "The fewest windows are chosen that reach what is asked for, within these limits.",
+    () => [
+      h(
+        "div",
+        { class: "fields" },
+        numberField(page, "Samples at the most, all chosen windows together", ["budget_samples"], {
+          hint: "no limit",
+        }),
+        numberField(page, "Windows at the most", ["max_windows"], { hint: most ? String(most) : "" }),
+      ),
+    ],
+  );
+}
