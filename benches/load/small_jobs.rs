@@ -121,6 +121,7 @@ fn work_one(method: &Methods, task: JobTask) {
         datasets: vec![(String::new(), recording.expect("a recording").into())],
         checkpoint: None,
         past: None,
+        stream: None,
     };
     let mut run = method.begin(assignment).expect("a run");
     let stop = AtomicBool::new(false);

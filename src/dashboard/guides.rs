@@ -43,7 +43,7 @@ macro_rules! guide {
 }
 
 /// The guides stand in the order of the navigation.
-pub static GUIDES: [Guide; 11] = [
+pub static GUIDES: [Guide; 12] = [
     guide!("start", "First job"),
     guide!("import", "Recordings and units"),
     guide!("models", "Models"),
@@ -52,6 +52,7 @@ pub static GUIDES: [Guide; 11] = [
     guide!("monitors", "Monitors"),
     guide!("agents", "Collecting agents"),
     guide!("designs", "Which experiment next"),
+    guide!("selections", "Which windows of a year"),
     guide!("verdicts", "Verdicts"),
     guide!("method", "Method"),
     guide!("running", "Running it for others"),

@@ -1,6 +1,7 @@
 //! The selection of windows as a job: from the stored task to [`Selecting`], some windows a unit, and from there to
 //! events and the result.
 
+use std::ops::Range;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 
@@ -19,7 +20,7 @@ use greybox::parsing::Fault;
 use greybox::recording::Recording;
 
 /// Windows that are looked at in one unit of work.
-const WINDOWS_A_UNIT: usize = 16;
+const WINDOWS_A_UNIT: usize = 32;
 /// Instants of a window that are read at the most.
 const MOST_INSTANTS: usize = 2_000_000;
 /// Events of the windows that were looked at, about.
@@ -122,24 +123,39 @@ impl SelectionRun {
             return Ok(!stop.load(Ordering::Relaxed));
         }
         let last = (next + WINDOWS_A_UNIT).min(self.span.count());
-        let windows = (next..last).map(|window| self.read(selecting, window));
-        let windows = windows.collect::<Result<Vec<_>, _>>()?;
+        let windows = self.read(selecting, next..last)?;
         let looked = selecting.look(windows, self.stream.signals(), stop);
         let is_whole = looked.is_some();
         self.looked.extend(looked.into_iter().flatten());
         Ok(is_whole)
     }
 
-    fn read(&self, selecting: &Selecting, window: usize) -> Result<HistoryWindow, Failure> {
-        let bounds = self.span.bounds(window);
-        if selecting.is_excluded(bounds) {
-            return Ok(HistoryWindow::LeftOut(LeftOut::Excluded));
-        }
-        let rows = self.stream.rows(bounds.0..bounds.1, MOST_INSTANTS)?;
-        Ok(match rows {
-            Some(rows) => HistoryWindow::Recorded { rows, bounds },
-            None => HistoryWindow::LeftOut(LeftOut::TooManySamples),
-        })
+    /// Reads windows that follow each other: together, where they are not too long for that.
+    fn read(
+        &self,
+        selecting: &Selecting,
+        windows: Range<usize>,
+    ) -> Result<Vec<HistoryWindow>, Failure> {
+        let (from, until) = (
+            self.span.bounds(windows.start).0,
+            self.span.bounds(windows.end - 1).1,
+        );
+        let together = self.stream.rows(from..until, MOST_INSTANTS)?;
+        let read = windows.map(|window| {
+            let bounds = self.span.bounds(window);
+            if selecting.is_excluded(bounds) {
+                return Ok(HistoryWindow::LeftOut(LeftOut::Excluded));
+            }
+            let rows = match &together {
+                Some(together) => Some(together.within(bounds.0, bounds.1)),
+                None => self.stream.rows(bounds.0..bounds.1, MOST_INSTANTS)?,
+            };
+            Ok(match rows {
+                Some(rows) => HistoryWindow::Recorded { rows, bounds },
+                None => HistoryWindow::LeftOut(LeftOut::TooManySamples),
+            })
+        });
+        read.collect()
     }
 
     /// The event of the windows that were looked at, where a fiftieth of them is full.

@@ -1,7 +1,5 @@
 //! A selection as a job, whole and in pieces.
 
-use std::ops::Range;
-
 use serde_json::json;
 
 use super::*;

@@ -9,6 +9,7 @@ mod sample;
 pub use assessments::Assessments;
 pub use problem::PastResult;
 pub(super) use problem::simulated;
+pub(super) use report::predicted;
 
 use crate::identification::design::Design;
 use crate::identification::spec::design::{DesignSpec, Plan};

@@ -89,17 +89,8 @@ fn read(
     past: Option<&PastJob<'_>>,
 ) -> Option<SelectionSpec> {
     let mut root = document.object()?;
-    let job = root.required("job").and_then(|field| {
-        let id = field.text()?.parse::<JobId>();
-        match &id {
-            Ok(id) if past.is_none() => {
-                field.fault("unknown_job", format!("there is no job {id}"));
-            }
-            Ok(_) => {}
-            Err(error) => field.fault("unknown_job", error.to_string()),
-        }
-        id.ok()
-    });
+    let job = root.required("job");
+    let job = job.and_then(|field| read_job(&field, past.is_some()));
     let stream = root.required("stream").and_then(|field| field.text());
     let mut instant = |name| root.optional(name).and_then(|field| field.instant());
     let (from, to) = (instant("from"), instant("to"));
@@ -163,6 +154,17 @@ fn read(
         excluded: excluded?,
         seed: seed?,
     })
+}
+
+/// The finished job, which is known or not.
+fn read_job(field: &Field<'_>, is_known: bool) -> Option<JobId> {
+    let id = field.text()?.parse::<JobId>();
+    match &id {
+        Ok(id) if !is_known => field.fault("unknown_job", format!("there is no job {id}")),
+        Ok(_) => {}
+        Err(error) => field.fault("unknown_job", error.to_string()),
+    }
+    id.ok()
 }
 
 /// The parameters that a job estimates for all its experiments together.

@@ -97,7 +97,7 @@ fn columns(problem: &Problem) -> (Vec<usize>, Vec<usize>) {
     (0..belongs.len()).partition(|column| belongs[*column])
 }
 
-/// What is asked of the windows that are chosen.
+/// How closely the wanted unknowns are to be known, and with how much at the most.
 #[derive(Clone, Debug, PartialEq)]
 pub struct WindowGoal {
     /// For each wanted unknown the largest total standard error that is asked for, SI; none where nothing is.
@@ -153,21 +153,21 @@ impl<'a> History<'a> {
         }
     }
 
-    /// What is known of each unknown with some of the windows.
+    /// The errors of each unknown with some of the windows.
     #[must_use]
     pub fn known_with(&self, windows: impl IntoIterator<Item = usize>) -> Option<Vec<Known>> {
         self.present.known_by(&self.sum(windows))
     }
 
-    /// What is known of each unknown with each of the windows alone.
+    /// The errors of each unknown with each of the windows alone.
     #[must_use]
     pub fn known_alone(&self) -> Vec<Option<Vec<Known>>> {
         let windows = (0..self.rows.len()).into_par_iter();
         windows.map(|window| self.known_with([window])).collect()
     }
 
-    /// What is known of each unknown with so many windows that are drawn among these and `silent` others, which say
-    /// nothing: for each unknown the middle of 25 draws.
+    /// The errors of each unknown with so many windows that are drawn among these and `silent` others, which say
+    /// nothing: the middle of 25 draws.
     #[must_use]
     pub fn known_at_random(&self, count: usize, silent: usize, seed: u64) -> Option<Vec<Known>> {
         let draw = |number: usize| {
@@ -282,19 +282,22 @@ impl<'a> History<'a> {
         scores.sort_by(|a, b| b.0.total_cmp(&a.0).then(a.1.cmp(&b.1)));
         scores.truncate(EXCHANGED_FOR);
         others = scores.into_iter().map(|(_, window)| window).collect();
-        for _ in 0..MOST_ROUNDS {
-            let mut exchanged = false;
-            for place in 0..chosen.len() {
-                if stop.load(Ordering::Relaxed) {
-                    return false;
-                }
-                exchanged |= self.exchange_one(chosen, place, &mut others, goal);
-            }
-            if !exchanged {
+        // Chosen windows one after the other that no other window would be better than.
+        let mut unchanged = 0;
+        for step in 0..MOST_ROUNDS * chosen.len().max(1) {
+            if unchanged == chosen.len() {
                 return true;
             }
+            if stop.load(Ordering::Relaxed) {
+                return false;
+            }
+            let place = step % chosen.len();
+            unchanged = match self.exchange_one(chosen, place, &mut others, goal) {
+                true => 0,
+                false => unchanged + 1,
+            };
         }
-        false
+        unchanged == chosen.len()
     }
 
     /// Exchanges a chosen window for the best of the others, where that is better.

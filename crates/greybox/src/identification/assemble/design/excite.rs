@@ -149,7 +149,7 @@ impl ExperimentSearch<'_, '_> {
             sensors.push(RankedSensor {
                 output: name.clone(),
                 relative_error: relative(&best.assessment, &assessment, problem.wanted.len()),
-                after: predicted(problem, assessment.known),
+                after: predicted(&problem.next, &problem.positions, assessment.known),
             });
         }
         sensors.sort_by(|a, b| a.relative_error.total_cmp(&b.relative_error));

@@ -2,6 +2,7 @@
 
 use super::problem::{DesignProblem, Question};
 use crate::estimation::Finding;
+use crate::estimation::problem::Problem;
 use crate::identification::design::{Design, PredictedParameter, RankedProposal};
 use crate::uncertainty::design::{Assessment, Excitation, Known, Present};
 
@@ -58,7 +59,7 @@ pub(super) fn design(question: Question<'_>, ranking: &Ranking) -> Option<Design
         points: present.n_points() as u64,
         assessed: ranking.assessed as u64,
         seed: spec.seed,
-        before: predicted(problem, present.known()),
+        before: predicted(&problem.next, &problem.positions, present.known()),
         proposals: ranking
             .candidates
             .iter()
@@ -68,7 +69,11 @@ pub(super) fn design(question: Question<'_>, ranking: &Ranking) -> Option<Design
                 relative_error: relative(&best.assessment, &candidate.assessment, wanted),
                 log10_determinant: log10_determinant(problem, present, &candidate.assessment),
                 failed_points: candidate.assessment.failed_points as u64,
-                after: predicted(problem, candidate.assessment.known.clone()),
+                after: predicted(
+                    &problem.next,
+                    &problem.positions,
+                    candidate.assessment.known.clone(),
+                ),
             })
             .collect(),
         inputs: None,
@@ -96,12 +101,13 @@ fn log10_determinant(problem: &DesignProblem, present: &Present, assessment: &As
     2.0 * (assessment.score - slopes) / std::f64::consts::LN_10
 }
 
-/// What would be known of each unknown; nothing where that is not known.
-pub(super) fn predicted(
-    problem: &DesignProblem,
+/// What would be known of each unknown at these positions; nothing where that is not known.
+pub(in crate::identification::assemble) fn predicted(
+    problem: &Problem,
+    positions: &[f64],
     known: Option<Vec<Known>>,
 ) -> Vec<PredictedParameter> {
-    let coordinates = problem.next.coordinates.iter().zip(&problem.positions);
+    let coordinates = problem.coordinates.iter().zip(positions);
     let known = known.into_iter().flatten();
     coordinates
         .zip(known)

@@ -3,6 +3,7 @@
 use super::selecting::Selecting;
 use super::window::{LookedWindow, SelectedSpan};
 use crate::estimation::Finding;
+use crate::identification::assemble::design::predicted;
 use crate::identification::design::PredictedParameter;
 use crate::identification::selection::{
     ChosenWindow, LeftOut, LeftOutCount, Selection, WantedParameter, WindowsOfSelection,
@@ -119,18 +120,7 @@ impl Selecting {
     }
 
     fn predicted(&self, known: Option<Vec<Known>>) -> Vec<PredictedParameter> {
-        let coordinates = self.shared.coordinates.iter().zip(&self.positions);
-        let known = known.into_iter().flatten();
-        let predicted = coordinates
-            .zip(known)
-            .map(|((coordinate, position), known)| PredictedParameter {
-                name: coordinate.name.clone(),
-                unit: coordinate.unit.clone(),
-                value: coordinate.value(*position),
-                standard_error: known.noise,
-                total_standard_error: known.total,
-            });
-        predicted.collect()
+        predicted(&self.shared, &self.positions, known)
     }
 
     /// The wanted parameters that all windows together do not fix.
@@ -285,7 +275,7 @@ fn reason(window: &LookedWindow) -> Option<LeftOut> {
     }
 }
 
-/// What is said where windows were left out because the model starts elsewhere.
+/// The finding of windows that were left out because the model starts elsewhere.
 fn started_elsewhere(looked: &[LookedWindow]) -> Option<Finding> {
     let reasons = looked.iter().filter_map(reason);
     let count = reasons

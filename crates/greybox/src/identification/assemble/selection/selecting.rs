@@ -230,7 +230,6 @@ fn job_of_window(past: PastResult<'_>, spec: &SelectionSpec) -> JobSpec {
         let starts = spec.initial_state.clone();
         experiment.initial_state.extend(starts);
     }
-    job.validation.fraction = 0.0;
     job.method.huber_threshold = None;
     job.process_noise = None;
     let measured = &past.outcome.residuals;
