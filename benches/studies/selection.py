@@ -57,9 +57,9 @@ def history(days, seed):
         return lfilter([1.0], [1.0, -share], driven)
 
     first = lag(valve, TRUTH["T1"], valve[0]) * TRUTH["K"] + lag(feed, TRUTH["T1"], feed[0]) * TRUTH["Kf"]
-    share = numpy.exp(-1.0 / TRUTH["T2"])
+    share = numpy.exp(-1.0 / TRUTH["T1"])
     # The second lag follows the first, which is no step from sample to sample: both of its ends count.
-    ratio = TRUTH["T2"] * (1 - share)
+    ratio = TRUTH["T1"] * (1 - share)
     driven = (ratio - share) * first[:-1] + (1 - ratio) * first[1:]
     level = lfilter([1.0], [1.0, -share], numpy.concatenate([[first[0]], driven]))
     share = numpy.exp(-1.0 / MEMORY)
@@ -69,13 +69,14 @@ def history(days, seed):
 
 
 def model():
-    unknown = lambda unit, value: {"unit": unit, "default": value, "lower": value / 5, "upper": 5 * value,
-                                   "scale": "log", "unknown": True}
+    # The two lags could change places: their ranges do not meet.
+    unknown = lambda unit, value, by=5: {"unit": unit, "default": value, "lower": value / by, "upper": by * value,
+                                         "scale": "log", "unknown": True}
     return {
         "name": "two_lags",
         "inputs": {"valve": {"unit": "1"}, "feed": {"unit": "1"}},
-        "parameters": {"K": unknown("1", 1.5), "Kf": unknown("1", 0.7), "T1": unknown("s", 200.0),
-                       "T2": unknown("s", 80.0)},
+        "parameters": {"K": unknown("1", 1.5), "Kf": unknown("1", 0.7), "T1": unknown("s", 400.0, 3),
+                       "T2": unknown("s", 40.0, 3)},
         "states": {"x": {"unit": "1", "initial": 2, "derivative": "(K*valve + Kf*feed - x)/T1"},
                    "y": {"unit": "1", "initial": 2, "derivative": "(x - y)/T2"}},
         "outputs": {"level": {"unit": "1", "expression": "y"}},
@@ -219,7 +220,7 @@ def plants(options, folder):
         job = program.first_job(stream)
         program.result(job)
         asked = {"job": job, "stream": stream, "window_s": HOUR, "budget_samples": 8 * HOUR // STEP,
-                 "wanted": ["T2"], "exclude": [{"from": stamp(DAY), "to": stamp(2 * DAY)}]}
+                 "wanted": ["T1"], "exclude": [{"from": stamp(DAY), "to": stamp(2 * DAY)}]}
         selection = program.result(program.ask("POST", "selections", asked)["id"])
         windows = [own["window"] for own in selection["chosen"]]
         span = [numpy.ptp(columns["valve"][hour * HOUR:(hour + 1) * HOUR]) for hour in range(20 * 24)]
@@ -235,20 +236,20 @@ def plants(options, folder):
                                     {"from": stamp(hour * HOUR), "to": stamp((hour + 1) * HOUR)})["id"]
                         for hour in choice]
             found = program.result(program.estimation(datasets))["parameters"]
-            found = next(own for own in found if own["name"] == "T2")
-            errors[name].append(numpy.log(found["estimate"] / TRUTH["T2"]))
+            found = next(own for own in found if own["name"] == "T1")
+            errors[name].append(float(numpy.log(found["estimate"] / TRUTH["T1"])))
             if name == "chosen":
-                known = next(own for own in selection["with_chosen"] if own["name"] == "T2")
-                foretold.append(known["total_standard_error"] / TRUTH["T2"])
-                lower, upper = found["total_interval"] or (0, 0)
-                covered.append(lower <= TRUTH["T2"] <= upper)
+                known = next(own for own in selection["with_chosen"] if own["name"] == "T1")
+                foretold.append(known["total_standard_error"] / TRUTH["T1"])
+                interval = found["total_interval"]
+                covered.append(interval is not None and interval["lower"] <= TRUTH["T1"] <= interval["upper"])
         print(f"plant {plant}: {[round(own[-1], 4) for own in errors.values()]}, foretold {foretold[-1]:.4f}",
               file=sys.stderr, flush=True)
     program.end()
     rms = {name: float(numpy.sqrt(numpy.mean(numpy.square(own)))) for name, own in errors.items()}
     middle = {name: float(numpy.median(numpy.abs(own))) for name, own in errors.items()}
     ratio = numpy.array(errors["chosen"]) / numpy.array(foretold)
-    rows = [("windows", "rms error of T2", "median error", "samples for the same error")]
+    rows = [("windows", "rms error of T1", "median error", "samples for the same error")]
     for name in errors:
         rows.append((name, f"{100 * rms[name]:.2f} %", f"{100 * middle[name]:.2f} %",
                      f"{(middle[name] / middle['chosen'])**2:.1f} x"))

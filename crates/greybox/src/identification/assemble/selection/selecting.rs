@@ -271,7 +271,8 @@ fn positions_of(problem: &Problem, outcome: &Outcome) -> Vec<f64> {
     problem.coordinates.iter().map(position).collect()
 }
 
-/// Puts what the model answers in the place of what was measured, where both begin alike.
+/// Puts what the model answers in the place of what was measured. Where no start is estimated, both must begin alike:
+/// a start that was fitted may be off the first sample by as much as a disturbance is large.
 fn answer_by_the_model(
     problem: &mut Problem,
     positions: &[f64],
@@ -281,15 +282,14 @@ fn answer_by_the_model(
     let simulated = simulated.map_err(|_| Unseen::LeftOut(LeftOut::NotSimulated))?;
     let mut experiments = Arc::clone(&problem.experiments);
     let data = &mut Arc::make_mut(&mut experiments)[0];
+    let is_fitted = problem.coordinates.iter().any(Coordinate::is_start);
     for (output, measured) in problem.outputs.iter().zip(&mut data.measured) {
         let simulated = &simulated[0][output.index];
-        let first = measured
-            .iter()
-            .zip(simulated)
-            .find(|(measured, _)| !measured.is_nan());
-        if first.is_some_and(|(measured_first, simulated)| {
-            (measured_first - simulated).abs() > tolerated(measured)
-        }) {
+        let mut both = measured.iter().zip(simulated);
+        let first = both.find(|(measured, _)| !measured.is_nan());
+        let is_off =
+            |(first, simulated): (&f64, &f64)| (first - simulated).abs() > tolerated(measured);
+        if !is_fitted && first.is_some_and(is_off) {
             return Err(Unseen::LeftOut(LeftOut::StartsElsewhere));
         }
         for (measured, simulated) in measured.iter_mut().zip(simulated) {
