@@ -57,9 +57,9 @@ def history(days, seed):
         return lfilter([1.0], [1.0, -share], driven)
 
     first = lag(valve, TRUTH["T1"], valve[0]) * TRUTH["K"] + lag(feed, TRUTH["T1"], feed[0]) * TRUTH["Kf"]
-    share = numpy.exp(-1.0 / TRUTH["T1"])
+    share = numpy.exp(-1.0 / TRUTH["T2"])
     # The second lag follows the first, which is no step from sample to sample: both of its ends count.
-    ratio = TRUTH["T1"] * (1 - share)
+    ratio = TRUTH["T2"] * (1 - share)
     driven = (ratio - share) * first[:-1] + (1 - ratio) * first[1:]
     level = lfilter([1.0], [1.0, -share], numpy.concatenate([[first[0]], driven]))
     share = numpy.exp(-1.0 / MEMORY)

@@ -53,6 +53,9 @@ pub struct Selection {
     /// The wanted parameters that not even all windows together fix as closely as was asked for, or to half their
     /// value where nothing was.
     pub never_fixed: Vec<String>,
+    /// The inputs that follow an output: a controller makes them, and noise counts as excitation.
+    #[serde(default)]
+    pub feedback: Vec<FollowedOutput>,
     /// The windows one after the other.
     pub windows: WindowsOfSelection,
     /// How many windows were left out, by the reason.
@@ -69,6 +72,22 @@ pub struct WantedParameter {
     pub name: String,
     /// The total standard error that was asked for, SI; `null` where none was.
     pub target: Option<f64>,
+}
+
+/// An input whose changes follow what the model leaves of an output.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, ToSchema)]
+pub struct FollowedOutput {
+    /// The input of the model.
+    #[schema(example = "valve")]
+    pub input: String,
+    /// The output of the model.
+    #[schema(example = "level")]
+    pub output: String,
+    /// After how many samples the input follows most.
+    pub samples_later: u64,
+    /// The correlation over all windows, as standard deviations of what chance makes of it.
+    #[schema(example = -12.5)]
+    pub score: f64,
 }
 
 /// A window that was chosen.

@@ -22,6 +22,7 @@ pub mod design;
 mod disturbed_estimate;
 mod drawn_assumptions;
 pub mod drift;
+pub mod feedback;
 pub mod fit;
 mod hull;
 pub mod identifiability;

@@ -6,10 +6,12 @@ use crate::estimation::Finding;
 use crate::identification::assemble::design::predicted;
 use crate::identification::design::PredictedParameter;
 use crate::identification::selection::{
-    ChosenWindow, LeftOut, LeftOutCount, Selection, WantedParameter, WindowsOfSelection,
+    ChosenWindow, FollowedOutput, LeftOut, LeftOutCount, Selection, WantedParameter,
+    WindowsOfSelection,
 };
 use crate::uncertainty::design::Known;
 use crate::uncertainty::design::history::{History, WindowGoal, WindowInformation};
+use crate::uncertainty::feedback::{LAGS, following};
 use crate::uncertainty::width::is_too_wide;
 use jiff::Timestamp;
 use std::collections::BTreeMap;
@@ -23,6 +25,7 @@ struct Informing<'a> {
     places: Vec<usize>,
     information: Vec<&'a WindowInformation>,
     inputs: Vec<&'a [[f32; 2]]>,
+    following: Vec<&'a [Option<[f32; 2 * LAGS]>]>,
 }
 
 impl Selecting {
@@ -60,7 +63,9 @@ impl Selecting {
         });
         let chosen: Vec<ChosenWindow> = windows.collect();
         let finished = choice.is_finished && looked.len() == span.count();
+        let feedback = self.feedback(&informing);
         let mut findings = self.findings(&never_fixed, is_reached, finished);
+        findings.extend(feedback.first().map(controlled));
         findings.extend(started_elsewhere(looked));
         Some(Selection {
             model: self.job.model.clone(),
@@ -87,6 +92,7 @@ impl Selecting {
             with_all: self.predicted(all),
             chosen,
             never_fixed,
+            feedback,
             windows: self.windows(looked, &informing, &history.known_alone()),
             left_out: left_out(span, looked),
             findings,
@@ -121,6 +127,24 @@ impl Selecting {
 
     fn predicted(&self, known: Option<Vec<Known>>) -> Vec<PredictedParameter> {
         predicted(&self.shared, &self.positions, known)
+    }
+
+    /// The inputs that follow an output, over all windows together.
+    fn feedback(&self, informing: &Informing<'_>) -> Vec<FollowedOutput> {
+        let inputs = Moved::new(self, informing).inputs;
+        let pairs = 0..self.shared.outputs.len() * inputs.len();
+        let followed = pairs.filter_map(|pair| {
+            let windows = informing.following.iter();
+            let windows = windows.filter_map(|window| window.get(pair)?.as_ref());
+            let following = following(windows)?;
+            Some(FollowedOutput {
+                input: inputs[pair % inputs.len()].0.to_owned(),
+                output: self.shared.outputs[pair / inputs.len()].name.clone(),
+                samples_later: following.lag as u64,
+                score: following.score,
+            })
+        });
+        followed.collect()
     }
 
     /// The wanted parameters that all windows together do not fix.
@@ -253,16 +277,19 @@ fn informing(looked: &[LookedWindow]) -> Informing<'_> {
         places: Vec::new(),
         information: Vec::new(),
         inputs: Vec::new(),
+        following: Vec::new(),
     };
     for (place, window) in looked.iter().enumerate() {
         if let LookedWindow::Informs {
             information,
             inputs,
+            following,
         } = window
         {
             informing.places.push(place);
             informing.information.push(information);
             informing.inputs.push(inputs);
+            informing.following.push(following);
         }
     }
     informing
@@ -273,6 +300,17 @@ fn reason(window: &LookedWindow) -> Option<LeftOut> {
         LookedWindow::Informs { .. } => None,
         LookedWindow::LeftOut(reason) => Some(*reason),
     }
+}
+
+/// The finding of an input that a controller makes.
+fn controlled(followed: &FollowedOutput) -> Finding {
+    let FollowedOutput { input, output, .. } = followed;
+    let detail = format!(
+        "`{input}` follows `{output}`: a controller makes it, or somebody who looks. What noise and disturbances have moved \
+         it by counts as excitation here; put the controller into the model, with its set point as the input, or leave \
+         out the time in which it acts"
+    );
+    Finding::new("feedback", "/stream", &detail)
 }
 
 /// The finding of windows that were left out because the model starts elsewhere.

@@ -19,6 +19,7 @@ use crate::identification::spec::{ExperimentRole, JobSpec};
 use crate::uncertainty::assumed_values::take;
 use crate::uncertainty::design::Present;
 use crate::uncertainty::design::history::WindowInformation;
+use crate::uncertainty::feedback::{LAGS, scores};
 use crate::uncertainty::identifiability::with_fitted_starts;
 use crate::uncertainty::probes::probed;
 use greybox_numerics::parsing::fault::Fault;
@@ -189,7 +190,7 @@ impl Selecting {
         }
         let positions = positions_of(&problem, &self.outcome);
         let positions = with_fitted_starts(&problem, &positions, stop)?;
-        answer_by_the_model(&mut problem, &positions, stop)?;
+        let following = answer_by_the_model(&mut problem, &positions, stop)?;
         if let Some(report) = &self.noise {
             let noise = noise_model(&problem, report).ok_or(Unseen::LeftOut(LeftOut::NotUsable))?;
             problem =
@@ -199,6 +200,7 @@ impl Selecting {
         Ok(LookedWindow::Informs {
             information,
             inputs,
+            following,
         })
     }
 }
@@ -271,17 +273,18 @@ fn positions_of(problem: &Problem, outcome: &Outcome) -> Vec<f64> {
     problem.coordinates.iter().map(position).collect()
 }
 
-/// Puts what the model answers in the place of what was measured. Where no start is estimated, both must begin alike:
+/// Puts what the model answers in the place of what was measured; says how the inputs follow what it leaves. Where no start is estimated, both must begin alike:
 /// a start that was fitted may be off the first sample by as much as a disturbance is large.
 fn answer_by_the_model(
     problem: &mut Problem,
     positions: &[f64],
     stop: &AtomicBool,
-) -> Result<(), Unseen> {
+) -> Result<Vec<Option<[f32; 2 * LAGS]>>, Unseen> {
     let simulated = trajectory::simulate(problem, positions, stop).ok_or(Unseen::Interrupted)?;
     let simulated = simulated.map_err(|_| Unseen::LeftOut(LeftOut::NotSimulated))?;
     let mut experiments = Arc::clone(&problem.experiments);
     let data = &mut Arc::make_mut(&mut experiments)[0];
+    let mut following = Vec::new();
     let is_fitted = problem.coordinates.iter().any(Coordinate::is_start);
     for (output, measured) in problem.outputs.iter().zip(&mut data.measured) {
         let simulated = &simulated[0][output.index];
@@ -292,6 +295,11 @@ fn answer_by_the_model(
         if !is_fitted && first.is_some_and(is_off) {
             return Err(Unseen::LeftOut(LeftOut::StartsElsewhere));
         }
+        let residuals = measured.iter().zip(simulated);
+        let residuals: Vec<f64> = residuals
+            .map(|(measured, simulated)| measured - simulated)
+            .collect();
+        following.extend(data.inputs.iter().map(|input| scores(&residuals, input)));
         for (measured, simulated) in measured.iter_mut().zip(simulated) {
             if !measured.is_nan() {
                 *measured = *simulated;
@@ -299,7 +307,7 @@ fn answer_by_the_model(
         }
     }
     problem.experiments = experiments;
-    Ok(())
+    Ok(following)
 }
 
 /// The share of a window that has no samples, by how far instants usually are apart.

@@ -64,6 +64,23 @@ fn history(windows: usize, seed: u64) -> (Vec<f64>, Vec<f64>) {
         .unzip()
 }
 
+/// The plant under a controller that looks at the noisy sensor, with a set point that moves.
+fn controlled(windows: usize, seed: u64) -> (Vec<f64>, Vec<f64>) {
+    let mut random = rng::stream(seed, 0, Purpose::Noise);
+    let (mut x, mut integral, mut u) = (GAIN, 1.0, 1.0);
+    let share = libm::exp(-1.0 / TIME_CONSTANT);
+    let samples = (0..windows * SAMPLES).map(|k| {
+        let read = x + NOISE * rng::normal(&mut random);
+        let played = u;
+        x = GAIN * u + share * (x - GAIN * u);
+        let off = GAIN * input(k / SAMPLES, k % SAMPLES) - read;
+        integral += 0.01 * off;
+        u = integral + 0.3 * off;
+        (played, read)
+    });
+    samples.unzip()
+}
+
 fn recording(u: &[f64], y: &[f64]) -> Recording {
     Recording::from_samples(1.0, [("u", "1", u.to_vec()), ("y", "1", y.to_vec())])
 }
@@ -242,6 +259,26 @@ fn what_no_window_fixes_is_said() {
         (selection.never_fixed.len(), selection.reached),
         (0, Some(true))
     );
+}
+
+#[test]
+fn an_input_that_a_controller_makes_is_named() {
+    let begun = finished(&json!({}));
+    let asked = json!({"wanted": ["T"], "budget_samples": 4 * SAMPLES});
+    let selection = selected(&begun, &controlled(24, 6), &asked);
+    let followed = &selection.feedback[0];
+    assert_eq!((&*followed.input, &*followed.output), ("u", "y"));
+    assert_eq!(followed.samples_later, 1);
+    assert!(
+        selection
+            .findings
+            .iter()
+            .any(|finding| finding.code == "feedback")
+    );
+    for seed in 0..20 {
+        let selection = selected(&begun, &history(24, 200 + seed), &asked);
+        assert_eq!(selection.feedback, []);
+    }
 }
 
 #[test]

@@ -2,6 +2,7 @@
 
 use crate::identification::selection::LeftOut;
 use crate::uncertainty::design::history::WindowInformation;
+use crate::uncertainty::feedback::LAGS;
 use greybox_recording::Rows;
 use serde::{Deserialize, Serialize};
 
@@ -59,6 +60,8 @@ pub enum LookedWindow {
         information: WindowInformation,
         /// The least and the greatest value of each input of the model.
         inputs: Vec<[f32; 2]>,
+        /// For each compared output, and there for each input, how the changes of the input follow the residuals.
+        following: Vec<Option<[f32; 2 * LAGS]>>,
     },
     /// The window was left out.
     LeftOut(LeftOut),
