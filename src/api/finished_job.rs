@@ -10,7 +10,7 @@ use super::error::{Answer, Kind, Problem, ProblemFault};
 use super::jobs::{no_job, retry_after};
 use super::work::stopped;
 use crate::admission::Permit;
-use crate::job::Status;
+use crate::job::{JobKind, Status};
 use crate::store::{JobRow, Results, StoredResult};
 use greybox::identification::assemble::{
     self, ExperimentDisturbances, ExperimentTrajectory, PastResult,
@@ -50,7 +50,10 @@ impl FinishedJob {
             .await?
             .ok_or_else(|| no_job(id))?;
         let Some(spec) = row.task.identification().cloned() else {
-            let detail = "the job estimates nothing: it is a design or a selection";
+            let detail = match row.task.kind() {
+                JobKind::Selection => "the job selects windows of a stream: it estimates nothing",
+                _ => "the job designs an experiment: it estimates nothing",
+            };
             return Err(Problem::new(Kind::WrongState, detail));
         };
         let result = result_of(state.store.results(), &row).await?;
