@@ -11,7 +11,7 @@ use utoipa::{IntoParams, ToSchema};
 
 use super::client::Client;
 use super::error::Answer;
-use super::jobs::Job;
+use super::jobs::{Job, read_status};
 use super::page::{Cursor, Page, PageParams};
 use super::query::{FromQuery, Params, QueryReader};
 use crate::access::Project;
@@ -66,9 +66,7 @@ pub struct WhichJobs(JobFilter, JobView);
 
 impl FromQuery for WhichJobs {
     fn read(query: &mut QueryReader) -> Self {
-        let status = query.parsed("status", |word| {
-            word.parse::<Status>().map_err(|error| error.to_string())
-        });
+        let status = query.parsed("status", read_status);
         let label = query
             .text("label")
             .map(|label| match label.split_once([':', '=']) {

@@ -200,14 +200,23 @@ pub struct WaitQuery {
     /// Answer when the job's status changes, or after so many seconds.
     #[param(minimum = 0, maximum = 60)]
     pub wait: Option<u64>,
+    /// The status that the client knows: where the job has another already, the answer comes at once.
+    #[param(inline, required = false)]
+    pub r#while: Option<Status>,
 }
 
 impl FromQuery for WaitQuery {
     fn read(query: &mut QueryReader) -> Self {
         Self {
             wait: query.integer("wait", 0, MAX_WAIT_S),
+            r#while: query.parsed("while", read_status),
         }
     }
+}
+
+/// A status of a job by its word.
+pub(super) fn read_status(word: &str) -> Result<Status, String> {
+    word.parse::<Status>().map_err(|error| error.to_string())
 }
 
 /// Show a job.
@@ -234,7 +243,7 @@ pub async fn show(
 ) -> Answer {
     let mut row = jobs.find(id).await?;
     if let (Some(wait), Some(before)) = (query.wait, &row) {
-        let before = before.status;
+        let before = query.r#while.unwrap_or(before.status);
         let changed = |row: &JobRow| row.status != before || row.status.is_terminal();
         row = wait_until(&jobs, &hub, id, Duration::from_secs(wait), changed).await?;
     }

@@ -119,9 +119,13 @@ async fn waiting_ends_with_a_change_of_state() {
     let path = format!("/v1/jobs/{id}");
     let mut job = app.get(&path).await.expect(200).json();
     while job["status"] == "queued" {
-        job = app.get(&format!("{path}?wait=60")).await.expect(200).json();
+        let begun = app.get(&format!("{path}?wait=60&while=queued")).await;
+        job = begun.expect(200).json();
     }
     assert_eq!(job["status"], "running");
+    // What the job was before is left behind, and is not waited for.
+    let known = app.get(&format!("{path}?wait=60&while=queued")).await;
+    assert_eq!(known.expect(200).json()["status"], "running");
     let wait = format!("{path}?wait=60");
     let cancel = format!("{path}/cancel");
     let (waited, _) = tokio::join!(app.get(&wait), app.post(&cancel));
