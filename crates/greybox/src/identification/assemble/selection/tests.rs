@@ -219,6 +219,22 @@ fn windows_that_say_something_of_what_is_wanted_are_chosen_and_the_others_have_a
 }
 
 #[test]
+fn windows_follow_each_other_and_the_last_one_ends_where_the_time_does() {
+    let span = |until: i64, window: i64| SelectedSpan {
+        from: 10,
+        until,
+        window,
+    };
+    assert_eq!(span(110, 30).count(), 4);
+    assert_eq!(span(110, 30).bounds(3), (100, 110));
+    assert_eq!(span(100, 30).bounds(2), (70, 100));
+    assert_eq!((span(100, 30).count(), span(10, 30).count()), (3, 0));
+    assert_eq!(span(110, i64::MAX).count(), 1);
+    assert_eq!(span(110, i64::MAX).bounds(0), (10, 110));
+    assert_eq!(span(i64::MAX, 1).count(), i64::MAX as usize - 10);
+}
+
+#[test]
 fn what_the_sensor_reads_decides_nothing() {
     let finished = finished(&json!({}));
     let asked = json!({"wanted": ["T"], "budget_samples": 2 * SAMPLES});

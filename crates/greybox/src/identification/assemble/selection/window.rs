@@ -21,9 +21,12 @@ impl SelectedSpan {
     /// How many windows there are; the last one may be shorter.
     #[must_use]
     pub fn count(&self) -> usize {
-        let length = self.until.saturating_sub(self.from).max(0);
-        let whole = length.checked_add(self.window - 1).unwrap_or(length) / self.window;
-        usize::try_from(whole).unwrap_or(usize::MAX)
+        match self.until.saturating_sub(self.from) {
+            length if length > 0 => {
+                usize::try_from((length - 1) / self.window + 1).unwrap_or(usize::MAX)
+            }
+            _ => 0,
+        }
     }
 
     /// From where to where a window is, nanoseconds since 1970.
