@@ -6,7 +6,7 @@
 
 import assert from "node:assert/strict";
 import { after, before, test } from "node:test";
-import { faultsOf, launch, open, PATIENCE, SIZES, says, text, tools } from "./browser.mjs";
+import { faultsOf, launch, open, PATIENCE, picture, SIZES, says, text, tools } from "./browser.mjs";
 import { base, ended, JOB, post, recording } from "./server.mjs";
 
 const skip = base && tools ? false : "GREYBOX_URL and PAGE_TOOLS are not set";
@@ -61,6 +61,17 @@ async function press(page, words) {
   await (await page.waitForSelector(selector, { ...PATIENCE, visible: true })).click();
 }
 
+// Sets a field of an instant to a time of the stream.
+const setInstant = async (page, words, seconds) =>
+  (await labelled(page, words)).evaluate(
+    (input, instant) => {
+      const local = new Date(instant - 60_000 * new Date(instant).getTimezoneOffset());
+      input.value = local.toISOString().replace("Z", "");
+      input.dispatchEvent(new Event("change"));
+    },
+    shared.begin + 1000 * seconds,
+  );
+
 const labelled = (page, words) =>
   page.waitForSelector(`::-p-xpath(//label[contains(., '${words}')]//*[self::input or self::select])`, {
     ...PATIENCE,
@@ -80,15 +91,7 @@ test("a stream is looked at in parts, cut, and samples are taken out of it", { s
   assert.match(rows[0], /drive force\s+N\s+N\s+−8[45]/);
 
   // The part is chosen in the fields; plots, table and buttons follow it.
-  const setInstant = async (words, seconds) =>
-    (await labelled(page, words)).evaluate(
-      (input, instant) => {
-        const local = new Date(instant - 60_000 * new Date(instant).getTimezoneOffset());
-        input.value = local.toISOString().replace("Z", "");
-      },
-      shared.begin + 1000 * seconds,
-    );
-  await setInstant("From", 12);
+  await setInstant(page, "From", 12);
   const read = page.waitForResponse((response) => response.url().includes("max_points"), PATIENCE);
   await press(page, "Show this part");
   const { window } = await (await read).json();
@@ -101,7 +104,7 @@ test("a stream is looked at in parts, cut, and samples are taken out of it", { s
 
   await page.goBack();
   await says(page, "Signals in this part");
-  await setInstant("From", 12);
+  await setInstant(page, "From", 12);
   await press(page, "Remove these samples");
   await says(page, "600 samples were removed");
   assert.match(await text(page, ".facts"), /1.200/);
@@ -176,14 +179,7 @@ test("a monitor is made by clicks, followed live, and leads to the job of a wind
 test("a monitor is moved to another window and made again like itself", { skip }, async () => {
   const page = await open(`/#/plant/monitors/${shared.monitor}`);
   await press(page, "Go on with another window");
-  const field = await labelled(page, "The next window is the first from");
-  await field.evaluate(
-    (input, instant) => {
-      const local = new Date(instant - 60_000 * new Date(instant).getTimezoneOffset());
-      input.value = local.toISOString().replace("Z", "");
-    },
-    shared.begin + 1000 * 10 * WINDOW_S,
-  );
+  await setInstant(page, "The next window is the first from", 10 * WINDOW_S);
   await press(page, "Move");
   await says(page, "Waits for window 10");
   await press(page, "Use as template");
@@ -214,8 +210,40 @@ test("windows of a stream are found for a job by clicks, and read by keyboard", 
   const { first, last } = await (await fetch(`${base}/v1/streams/${shared.stream}`)).json();
   const count = Math.round((Date.parse(last) - Date.parse(first)) / (1000 * WINDOW_S));
   await says(page, `${count} windows of ${WINDOW_S} s, each with about 600 samples`);
+
+  // Where the position begins is estimated in a range, and the second window is left out. What is said wrongly
+  // stands beside its field.
+  const begins = await labelled(page, "position begins");
+  assert.deepEqual(await begins.evaluate(({ options }) => [...options].map(({ text }) => text)), [
+    "as the job says (estimated near the first sample of position)",
+    "estimated, from … to …",
+    "the first measured sample",
+    "a value",
+  ]);
+  await begins.select("estimate");
+  await says(page, "Still needed: where position begins");
+  await (await labelled(page, "position from, m")).type("1");
+  await (await labelled(page, "position to, m")).type("0.1");
+  await (await labelled(page, "velocity begins")).select("value");
+  await (await labelled(page, "velocity, m/s")).type("0");
+  await press(page, "Leave out a time");
+  await press(page, "Leave out a time");
+  await page.click("[aria-label='Remove time 2']");
+  await setInstant(page, "Left out from", WINDOW_S + 5);
+  await setInstant(page, "Left out to", WINDOW_S + 1);
+  await page.waitForFunction(() => !document.body.innerText.includes("Still needed"), PATIENCE);
   await press(page, "Find the windows");
   await says(page, "99 is outside 1 to 32");
+  const faultOf = async (words) =>
+    (await labelled(page, words)).evaluate((input) => input.nextElementSibling?.textContent);
+  assert.equal(await faultOf("position from, m"), "lower 1 is not below upper 0.1");
+  assert.match(await faultOf("Left out from"), /is not before to/);
+  const lower = await labelled(page, "position from, m");
+  await lower.evaluate((input) => {
+    input.value = "";
+  });
+  await lower.type("-0.1");
+  await setInstant(page, "Left out to", WINDOW_S + 6);
   const most = await labelled(page, "Windows at the most");
   assert.equal(await most.evaluate((input) => input.getAttribute("aria-invalid")), "true");
   page.faults.splice(0);
@@ -229,6 +257,14 @@ test("windows of a stream are found for a job by clicks, and read by keyboard", 
   await page.waitForSelector(".ribbon", PATIENCE);
   shared.selection = await page.evaluate(() => location.hash.slice("#/jobs/".length));
   const result = await (await fetch(`${base}/v1/jobs/${shared.selection}/result`)).json();
+  const asked = (await (await fetch(`${base}/v1/jobs/${shared.selection}`)).json()).spec.selection;
+  assert.deepEqual(asked.initial_state, {
+    position: { estimate: { lower: -0.1, upper: 0.1 } },
+    velocity: { value: 0 },
+  });
+  const instantAt = (seconds) => new Date(shared.begin + 1000 * seconds).toISOString();
+  assert.deepEqual(asked.exclude, [{ from: instantAt(WINDOW_S + 5), to: instantAt(WINDOW_S + 6) }]);
+  assert.equal(result.windows.left_out[1], "excluded");
   const chosen = result.chosen.map(({ window }) => window);
   assert.match(
     await text(page, ".conclusion"),
@@ -254,6 +290,20 @@ test("windows of a stream are found for a job by clicks, and read by keyboard", 
   const from = await labelled(page, "From");
   const shown = await from.evaluate((input) => new Date(input.value).getTime());
   assert.equal(shown, Date.parse(result.from));
+  await page.goBack();
+
+  // The form of the same selection has all that was asked for.
+  await press(page, "Ask again");
+  const filled = async (words) => (await labelled(page, words)).evaluate((input) => input.value);
+  assert.equal(await filled("velocity, m/s"), "0");
+  assert.equal(await filled("position from, m"), "-0.1");
+  assert.equal(await filled("mass, % or kg"), "2 %");
+  assert.equal(await filled("Length of a window"), String(WINDOW_S));
+  assert.equal(await filled("Windows at the most"), "2");
+  assert.equal(await filled("Stream"), shared.stream);
+  assert.equal(await filled("Finished job"), shared.job);
+  assert.equal(Date.parse(await filled("Left out from")), shared.begin + 1000 * (WINDOW_S + 5));
+  await picture(page, "find_windows-asked-again");
   await page.goBack();
   await press(page, "Estimate from these windows");
   await page.waitForFunction(
@@ -331,6 +381,7 @@ test("every page about the plant is accessible, fits its width and makes no faul
     monitor: `/#/plant/monitors/${shared.monitor}`,
     new_monitor: `/#/plant/monitors/new?job=${shared.job}&stream=${shared.stream}`,
     find_windows: `/#/plant/windows/new?job=${shared.job}&stream=${shared.stream}`,
+    find_windows_again: `/#/plant/windows/new?selection=${shared.selection}`,
     selection: `/#/jobs/${shared.selection}`,
     streams: "/#/plant/streams",
     stream: `/#/plant/streams/${shared.stream}`,

@@ -25,8 +25,18 @@ const {
   windowUnder,
 } = await part("job/windows.js");
 const { partNamed, secondsOf } = await part("plant/instants.js");
-const { missingOfSelection, offeredJobs, sharedEstimates, usualLength, windowsIn } =
-  await part("plant/plan.js");
+const {
+  kindOfStart,
+  missingOfSelection,
+  offeredJobs,
+  sharedEstimates,
+  startChoices,
+  startOf,
+  startText,
+  usualLength,
+  valueOfStart,
+  windowsIn,
+} = await part("plant/plan.js");
 
 const HOUR = 3600;
 const BEGIN = secondsOf("2026-01-01T00:00:00Z");
@@ -173,6 +183,7 @@ test("a window is told in words, with the reason where it was left out", () => {
   assert.equal(told(2), "2 h to 3 h · window 3 of 10 · chosen · by itself gain ± 2.5 %");
   assert.equal(told(9), "9 h to 9.5 h · window 10 of 10 · by itself gain ± 25 %");
   assert.equal(told(8), "8 h to 9 h · window 9 of 10 · left out: no input moved");
+  assert.equal(reasonText("starts_elsewhere"), "the model starts elsewhere than the first samples");
   assert.equal(reasonText("a_new_reason"), "a new reason");
 });
 
@@ -214,6 +225,88 @@ test("the form knows what a selection needs and how many windows it has", () => 
   // A month is divided into hours, and a minute into the shortest windows there are.
   assert.equal(usualLength(stream), HOUR);
   assert.equal(usualLength({ first: "2026-01-01T00:00:00Z", last: "2026-01-01T00:01:00Z" }), 1);
+});
+
+// A drive whose position is measured, and a valve whose start the model has.
+const DRIVE = {
+  states: [
+    { name: "position", unit: "m", initial: { estimated_from_output: { output: 0 } } },
+    { name: "velocity", unit: "m/s", initial: { estimated_from_slope: { output: 0 } } },
+    { name: "valve_opening", unit: "1", initial: "model" },
+  ],
+  outputs: [{ name: "position" }, { name: "velocity" }],
+};
+
+test("the form says where each state of the job starts, in words", () => {
+  const measured = { position: "encoder" };
+  const told = (starts, signals = measured) => {
+    const experiments = [
+      { role: "validation", initial_state: { position: 9 } },
+      { role: "estimation", signals, initial_state: starts },
+    ];
+    const text = (state) => startText(DRIVE, state, { experiments }).replaceAll("\u00a0", " ");
+    return DRIVE.states.map(text);
+  };
+  assert.deepEqual(told({}), [
+    "estimated near the first sample of position",
+    "estimated near the first slope of position",
+    "the model's own start",
+  ]);
+  assert.deepEqual(told({ position: "first_sample", velocity: { value: 0 }, valve_opening: 0.25 }), [
+    "the first measured sample",
+    "0 m/s",
+    "0.25",
+  ]);
+  assert.equal(told({ position: { estimate: { lower: -1, upper: 2 } } })[0], "estimated, from −1 m to 2 m");
+  // Without a measured position there is nothing to estimate near.
+  const own = "the model's own start";
+  assert.deepEqual(told({}, { velocity: "tacho" }), [own, own, own]);
+});
+
+test("a start at the first sample is offered for states that are measured outputs", () => {
+  const job = { experiments: [{ signals: { position: "encoder" } }] };
+  const kinds = DRIVE.states.map((state) => startChoices(DRIVE, state, job).map(([kind]) => kind));
+  assert.deepEqual(kinds, [
+    ["", "estimate", "first_sample", "value"],
+    ["", "estimate", "value"],
+    ["", "estimate", "value"],
+  ]);
+  assert.equal(startChoices(DRIVE, DRIVE.states[2], job)[0][1], "as the job says (the model's own start)");
+});
+
+test("a start is of a kind, and another kind begins with what the job says", () => {
+  const range = { estimate: { lower: 0, upper: 6 } };
+  assert.deepEqual([undefined, "first_sample", range, 3, { value: 3, tolerance: "1 %" }].map(kindOfStart), [
+    "",
+    "first_sample",
+    "estimate",
+    "value",
+    "value",
+  ]);
+  assert.deepEqual([3, { value: 4 }, undefined].map(valueOfStart), [3, 4, undefined]);
+  assert.deepEqual(startOf("estimate", range), range);
+  assert.deepEqual(startOf("estimate", 3), { estimate: {} });
+  assert.deepEqual(startOf("value", range), { value: undefined });
+  assert.equal(startOf("first_sample", range), "first_sample");
+  assert.equal(startOf("", undefined), undefined);
+});
+
+test("a start needs its numbers, and a time that is left out its ends", () => {
+  const whole = { stream: "rig", job: "job_1", window_s: 60, budget_samples: 900 };
+  const lack = (more) => missingOfSelection({ ...whole, ...more });
+  const where = ["where valve opening begins"];
+  const starts = (start) => lack({ initial_state: { position: "first_sample", valve_opening: start } });
+  assert.deepEqual(starts({ estimate: {} }), where);
+  assert.deepEqual(starts({ estimate: { lower: 0 } }), where);
+  assert.deepEqual(starts({ value: undefined }), where);
+  for (const start of [{ estimate: { lower: 0, upper: 1 } }, { value: 0 }, 0]) {
+    assert.deepEqual(starts(start), []);
+  }
+  const time = { from: "2026-01-01T00:00:00Z", to: "2026-01-02T00:00:00Z" };
+  const ends = ["the beginning and the end of each time that is left out"];
+  assert.deepEqual(lack({ exclude: [time, {}] }), ends);
+  assert.deepEqual(lack({ exclude: [{ from: time.from }] }), ends);
+  assert.deepEqual(lack({ exclude: [time] }), []);
 });
 
 test("a selection can ask for parameters that all experiments of a finished job share", () => {

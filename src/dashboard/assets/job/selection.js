@@ -48,7 +48,7 @@ function report(selection, job, view) {
   return [
     h("p", { class: "conclusion" }, h("strong", {}, conclusion(selection))),
     findings.length > 0 && warningList(findings),
-    chosen.length > 0 && isFinished(job) && estimation(job),
+    actions(job, chosen.length > 0 && isFinished(job)),
     new Ribbon(view, selection).element,
     h(
       "div",
@@ -62,8 +62,9 @@ function report(selection, job, view) {
 
 const titled = (title, ...content) => h("div", {}, h("h3", {}, title), content);
 
-// The chosen windows become recordings, and the job that the selection began from is done again on these.
-function estimation(job) {
+// The chosen windows become recordings, and the job that the selection began from is done again on these. A selection
+// can be asked for again, with other windows, targets or starts.
+function actions(job, hasWindows) {
   const outcome = notice();
   const keyOf = repeatKey();
   const submit = async ({ target }) => {
@@ -81,7 +82,9 @@ function estimation(job) {
     h(
       "div",
       { class: "actions" },
-      h("button", { type: "button", class: "primary", onclick: submit }, "Estimate from these windows"),
+      hasWindows &&
+        h("button", { type: "button", class: "primary", onclick: submit }, "Estimate from these windows"),
+      h("a", { class: "button", href: `#/plant/windows/new?selection=${job.id}` }, "Ask again"),
     ),
     outcome.place,
   );

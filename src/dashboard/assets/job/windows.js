@@ -14,6 +14,7 @@ const REASONS = {
   too_many_samples: "more samples than can be looked at",
   inputs_stood_still: "no input moved",
   output_stood_still: "a sensor stood still",
+  starts_elsewhere: "the model starts elsewhere than the first samples",
   not_usable: "the job cannot be worked on it",
   not_simulated: "the model cannot be simulated over it",
 };

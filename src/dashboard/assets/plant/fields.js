@@ -24,9 +24,9 @@ export function part(title, hint, draw) {
 const valueAt = (spec, path) => path.reduce((value, key) => value?.[key], spec);
 
 // The field has the value at a path of the specification; `scale` turns it to the unit of the field, and
-// `put` takes a typed value where the path alone is not enough.
-export function numberField(page, title, path, { hint = "", scale = 1, put = null } = {}) {
-  const value = valueAt(page.spec, path);
+// `put` takes a typed value where the path alone is not enough, and `value` is the value where the path has none.
+export function numberField(page, title, path, options = {}) {
+  const { hint = "", scale = 1, put = null, value = valueAt(page.spec, path) } = options;
   const input = h("input", {
     type: "text",
     inputmode: "decimal",
@@ -67,14 +67,17 @@ export function pointed(label, path) {
   return label;
 }
 
-// Shows faults beside their fields, in place of the faults before, and gives the faults that have no field.
+// Shows faults beside their fields, in place of the faults before, and gives the faults that have no field. The
+// field of a fault is the first in the element whose path is nearest to the fault's.
 export function placeFaults(form, faults) {
   for (const before of form.querySelectorAll(".fault")) {
     before.previousElementSibling.removeAttribute("aria-invalid");
     before.previousElementSibling.removeAttribute("aria-describedby");
     before.remove();
   }
-  const labels = [...form.querySelectorAll("[data-pointer]")];
+  const labels = [...form.querySelectorAll("[data-pointer]")].sort(
+    (a, b) => b.dataset.pointer.length - a.dataset.pointer.length,
+  );
   return faults.filter(({ pointer = "", detail }, k) => {
     const label = labels.find(({ dataset }) => `${pointer}/`.startsWith(`${dataset.pointer}/`));
     const field = label?.querySelector("input, select");

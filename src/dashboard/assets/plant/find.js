@@ -1,7 +1,8 @@
 // @ts-check
 // The page asks for the windows of a stream that fix the parameters of a finished job best: how closely each
-// parameter is to be known, or how many samples there may be.
+// parameter is to be known, or how many samples there may be. A selection can be asked for again.
 
+import { listed } from "../job/verdict.js";
 import { errorText, windowsText } from "../job/windows.js";
 import { toleranceOf } from "../model/parameters.js";
 import { changed } from "../new/draft.js";
@@ -13,6 +14,7 @@ import { count, duration, number, quantity, words } from "../shell/format.js";
 import { choice, instantField, jobText, numberField, part, placeFaults, pointed } from "./fields.js";
 import { plantHead } from "./head.js";
 import { missingOfSelection, offeredJobs, sharedEstimates, usualLength, windowsIn } from "./plan.js";
+import { excludedTimes, startsPart } from "./starts.js";
 
 const JOBS_OFFERED = 200;
 
@@ -34,22 +36,29 @@ export function showFindWindows(view) {
 }
 
 async function load({ signal, query }) {
-  const [streams, jobs, description] = await Promise.all([
+  const selection = query.get("selection");
+  /** @type {any[]} */
+  const [streams, jobs, description, before] = await Promise.all([
     get("/v1/streams?limit=500", signal),
     get(`/v1/jobs?view=summary&limit=${JOBS_OFFERED}`, signal),
     described(),
+    selection ? get(`/v1/jobs/${encodeURIComponent(selection)}`, signal) : null,
   ]);
+  const offered = new Map(items(streams.data).map((stream) => [stream.name, stream]));
+  const spec = before?.data.spec.selection ?? {};
   return {
-    streams: new Map(items(streams.data).map((stream) => [stream.name, stream])),
+    streams: offered,
     jobs: offeredJobs(jobs.data.items).filter((job) => job.finished_at),
     description,
+    // The stream of a selection may have been deleted since.
+    spec: offered.has(spec.stream) ? spec : changed(spec, ["stream"], undefined),
     stream: query.get("stream"),
     job: query.get("job"),
   };
 }
 
 class FindWindows {
-  constructor(view, { streams, jobs, description, stream, job }, outcome) {
+  constructor(view, { streams, jobs, description, spec, stream, job }, outcome) {
     this.view = view;
     this.streams = streams;
     this.jobs = jobs;
@@ -57,13 +66,17 @@ class FindWindows {
     this.outcome = outcome;
     this.keyOf = repeatKey();
     /** @type {any} */
-    this.spec = {};
+    this.spec = spec;
+    // The chosen job and its model.
+    this.job = null;
+    this.model = null;
     // The parameters of the chosen job that can be asked for.
     this.estimates = [];
     // The length of windows that the page suggested for the stream.
     this.suggested = undefined;
     this.planned = h("p", { role: "status", class: "quiet" });
-    this.parts = [choicePart, timePart, targetPart, limitPart].map((make) => make(this));
+    this.wanted = h("p", { class: "quiet" });
+    this.parts = [choicePart, timePart, startsPart, targetPart, limitPart].map((make) => make(this));
     this.form = h(
       "div",
       { class: "steps" },
@@ -80,6 +93,8 @@ class FindWindows {
     }
     if (job) {
       this.chooseJob(job);
+    } else if (spec.job) {
+      this.readJob(spec.job);
     }
   }
 
@@ -113,6 +128,9 @@ class FindWindows {
     this.planned.textContent = plan
       ? `${windowsText(plan.windows)} of ${duration(this.spec.window_s)}, each with about ${roundText(plan.samples)} samples.`
       : "";
+    const { wanted, target } = this.spec;
+    this.wanted.textContent =
+      wanted && !target ? `What matters, as before: ${listed(wanted.map(words))}.` : "";
   }
 
   // A length that the reader has typed stays when another stream is chosen.
@@ -129,9 +147,16 @@ class FindWindows {
     this.redraw();
   }
 
-  async chooseJob(id) {
-    this.spec = changed(this.spec, ["job"], id || undefined);
-    this.spec = changed(this.spec, ["target"], undefined);
+  // What is said of the parameters and states of a job does not suit another job.
+  chooseJob(id) {
+    const { target, wanted, initial_state: starts, ...rest } = this.spec;
+    this.spec = changed(rest, ["job"], id || undefined);
+    return this.readJob(id);
+  }
+
+  async readJob(id) {
+    this.job = null;
+    this.model = null;
     this.estimates = [];
     try {
       this.outcome.clear();
@@ -146,10 +171,13 @@ class FindWindows {
         if (!this.jobs.some((offered) => offered.id === id)) {
           this.jobs = [job, ...this.jobs];
         }
+        const { data: model } = await get(`/v1/models/${encodeURIComponent(job.model)}`, signal);
         // The reader may have chosen another job meanwhile.
         if (this.spec.job !== id) {
           return;
         }
+        this.job = job.spec;
+        this.model = model;
         this.estimates = sharedEstimates(job.spec, result);
       }
     } catch (error) {
@@ -224,13 +252,14 @@ function timePart(page) {
       numberField(page, "Length of a window, s", ["window_s"], { hint: "3600" }),
     ),
     page.planned,
+    excludedTimes(page),
   ]);
 }
 
 function targetPart(page) {
   const hint =
     "How closely each parameter is to be known: a share of its value, as 5 %, or a number in its unit. Parameters that are left empty do not matter; where all are left empty, all matter.";
-  return part("3. Parameters", hint, () =>
+  return part("4. Parameters", hint, () =>
     page.estimates.length
       ? [
           h(
@@ -238,6 +267,7 @@ function targetPart(page) {
             { class: "fields targets" },
             page.estimates.map((estimate) => targetField(page, estimate)),
           ),
+          page.wanted,
         ]
       : [
           h(
@@ -251,7 +281,7 @@ function targetPart(page) {
   );
 }
 
-// The value that the job came to stands below the field.
+// The value that the job came to stands below the field. The parameters with a target are those that matter.
 function targetField(page, parameter) {
   const { name, unit, estimate, standard_error: noise, total_standard_error: total } = parameter;
   const path = ["target", name];
@@ -259,7 +289,10 @@ function targetField(page, parameter) {
   const label = titledField(
     `${title}: ± at the most`,
     page.spec.target?.[name],
-    (text) => page.at(path, toleranceOf(text)),
+    (text) => {
+      page.at(["wanted"], undefined);
+      page.at(path, toleranceOf(text));
+    },
     { text: true, hint: "5 %", size: "12" },
   );
   const error = errorText(total ?? noise ?? null, { value: estimate, unit });
@@ -270,7 +303,7 @@ function targetField(page, parameter) {
 function limitPart(page) {
   const most = defaultAt(page.description, "SelectionDocument", ["max_windows"]);
   return part(
-    "4. Limits",
+    "5. Limits",
     "The fewest windows are chosen that reach what is asked for, within these limits.",
     () => [
       h(
