@@ -34,8 +34,8 @@ async function finished(job) {
 // Types into a field as a person does, and leaves it.
 async function fill(page, label, words) {
   const field = `input[aria-label='${label}']`;
-  await page.waitForSelector(field, PATIENCE);
-  await page.click(field, { count: 3 });
+  // The form draws its fields anew where the server has answered: a locator looks for the field again.
+  await page.locator(field).setTimeout(PATIENCE.timeout).click({ count: 3 });
   await page.keyboard.type(words);
   await page.keyboard.press("Tab");
 }
@@ -76,11 +76,11 @@ test("what is known of a measurement is said in the form, and the job is what th
     input.dispatchEvent(new Event("change", { bubbles: true }));
   });
   await said(page, ["method", "huber_threshold"], 3);
-  await page.click("::-p-text(spikes)");
+  await page.locator("::-p-text(spikes)").click();
   await said(page, ["experiments", 0, "exclude", "classes"], ["spike"]);
   await says(page, "The job can start.");
   await picture(page, "new-job-measurement");
-  await page.click("aside .primary");
+  await page.locator("aside .primary").click();
   await page.waitForFunction(() => location.hash.startsWith("#/jobs/job_"), PATIENCE);
   const id = (await page.evaluate(() => location.hash)).split("/").at(-1);
   const { spec } = await ended(id);
