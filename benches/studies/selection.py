@@ -1,7 +1,7 @@
 """Which windows of a year fix a plant's parameters: how long a selection takes, and whether the estimates from the
 chosen windows are as close as was foretold, beside windows that are drawn and those in which the input moves most.
 
-    python3 benches/studies/selection.py [--days 365] [--plants 24]
+    python3 benches/studies/selection.py [--days 365] [--plants 30]
 
 The plant is two lags in series with a gain, and a second input of its own gain; it is computed here, by scipy, and
 not by greybox. It rests: an operator moves its input a little a few times a day, a feed changes now and then, on two
@@ -263,7 +263,7 @@ def plants(options, folder):
 def main():
     parser = served.arguments(__doc__)
     parser.add_argument("--days", type=int, default=365)
-    parser.add_argument("--plants", type=int, default=24)
+    parser.add_argument("--plants", type=int, default=30)
     options = parser.parse_args()
     if "IN_OWN" not in os.environ:
         served.in_own_environment(["numpy", "scipy", "pyarrow"], "greybox-selection")
