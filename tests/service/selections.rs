@@ -131,16 +131,16 @@ async fn the_windows_that_inform_are_selected_and_estimated_from() {
         .await
         .json();
     let parameters = result["parameters"].as_array().unwrap();
-    let found = parameters
+    let time_constant = parameters
         .iter()
         .find(|own| own["name"] == "time_constant")
         .unwrap();
     assert!(
-        (found["estimate"].as_f64().unwrap() - 5.0).abs() < 0.1,
-        "{found}"
+        (time_constant["estimate"].as_f64().unwrap() - 5.0).abs() < 0.1,
+        "{time_constant}"
     );
     // What was foretold of noise is what the estimate says.
-    let told = found["standard_error"].as_f64().unwrap();
+    let told = time_constant["standard_error"].as_f64().unwrap();
     let foretold = selection["with_chosen"][1]["standard_error"]
         .as_f64()
         .unwrap();
@@ -223,8 +223,10 @@ async fn all_faults_of_a_selection_are_told_at_once_with_their_places() {
     );
     let unknown = json!({"job": "job_0192d3a4b5c67d8e9f00112233445566"});
     assert_eq!(fault(unknown).await, pair("/job", "unknown_job"));
-    let other = "time,u [-],speed [m/s]\n2026-03-02T08:00:00Z,1,2\n2026-03-02T08:00:01Z,1,2\n";
-    app.post_csv("/v1/streams/other", other).await.expect(201);
+    let without_y = "time,u [-],speed [m/s]\n2026-03-02T08:00:00Z,1,2\n2026-03-02T08:00:01Z,1,2\n";
+    app.post_csv("/v1/streams/other", without_y)
+        .await
+        .expect(201);
     assert_eq!(
         fault(json!({"stream": "other"})).await,
         pair("/stream", "unknown_signal")

@@ -124,8 +124,8 @@ async fn waiting_ends_with_a_change_of_state() {
     }
     assert_eq!(job["status"], "running");
     // What the job was before is left behind, and is not waited for.
-    let known = app.get(&format!("{path}?wait=60&while=queued")).await;
-    assert_eq!(known.expect(200).json()["status"], "running");
+    let answer = app.get(&format!("{path}?wait=60&while=queued")).await;
+    assert_eq!(answer.expect(200).json()["status"], "running");
     let wait = format!("{path}?wait=60");
     let cancel = format!("{path}/cancel");
     let (waited, _) = tokio::join!(app.get(&wait), app.post(&cancel));

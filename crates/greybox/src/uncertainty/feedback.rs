@@ -140,11 +140,11 @@ mod tests {
                 .map(|seed| window(hand, gain, seed).0)
                 .collect()
         };
-        let found = following(windows(Hand::Controller, 1.0, 0).iter()).expect("a controller");
-        assert_eq!(found.lag, 1);
+        let controller = following(windows(Hand::Controller, 1.0, 0).iter()).expect("a controller");
+        assert_eq!(controller.lag, 1);
         assert!(
-            found.score < 0.0,
-            "the controller acts against the output: {found:?}"
+            controller.score < 0.0,
+            "the controller acts against the output: {controller:?}"
         );
         for first in (100..2100).step_by(20) {
             assert_eq!(following(windows(Hand::Blind, 1.0, first).iter()), None);

@@ -189,11 +189,11 @@ impl<'a> History<'a> {
             values.sort_by(f64::total_cmp);
             Some(values[RANDOM_CHOICES / 2]).filter(|value| value.is_finite())
         };
-        let known = (0..unknowns).map(|unknown| Known {
+        let errors = (0..unknowns).map(|unknown| Known {
             noise: middle(unknown, |known| known.noise),
             total: middle(unknown, |known| known.total),
         });
-        Some(known.collect())
+        Some(errors.collect())
     }
 
     /// Whether what is known with some of the windows is as close as a goal asks; never where the goal asks nothing.
@@ -247,8 +247,8 @@ impl<'a> History<'a> {
         let mut sum = self.present.known.clone();
         let mut score = self.present.score(&sum);
         while chosen.len() < goal.most_windows {
-            let known = self.present.known_by(&sum);
-            if self.fulfils(known.as_deref(), goal) {
+            let errors = self.present.known_by(&sum);
+            if self.fulfils(errors.as_deref(), goal) {
                 break;
             }
             let left = self.left(&chosen, goal, self.samples_of(&chosen));
@@ -338,8 +338,8 @@ impl<'a> History<'a> {
         loop {
             let spare = chosen.iter().filter_map(|window| {
                 let sum = without(chosen, *window);
-                let known = self.present.known_by(&sum);
-                let is_spare = self.fulfils(known.as_deref(), goal);
+                let errors = self.present.known_by(&sum);
+                let is_spare = self.fulfils(errors.as_deref(), goal);
                 is_spare.then(|| (self.present.score(&sum), *window))
             });
             let Some((_, window)) = spare.max_by(|a, b| a.0.total_cmp(&b.0)) else {

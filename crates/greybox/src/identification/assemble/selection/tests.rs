@@ -174,12 +174,12 @@ fn chosen(selection: &Selection) -> Vec<u64> {
 }
 
 fn total(selection: &Selection, name: &str) -> f64 {
-    let known = selection
+    let parameter = selection
         .with_chosen
         .iter()
-        .find(|known| known.name == name);
-    known
-        .and_then(|known| known.total_standard_error)
+        .find(|parameter| parameter.name == name);
+    parameter
+        .and_then(|parameter| parameter.total_standard_error)
         .expect("it is fixed")
 }
 
@@ -325,11 +325,11 @@ fn errors_are_as_large_as_was_foretold_and_the_choice_does_not_bias_them() {
                 .run()
                 .expect("an estimate");
             let mut parameters = outcome.parameters.iter();
-            let found = parameters
+            let time_constant = parameters
                 .find(|parameter| parameter.name == "T")
                 .expect("T");
             (
-                found.estimate.estimate - TIME_CONSTANT,
+                time_constant.estimate.estimate - TIME_CONSTANT,
                 total(&selection, "T"),
             )
         })

@@ -9,17 +9,17 @@ static NEVER: AtomicBool = AtomicBool::new(false);
 
 /// Nothing is known of so many unknowns, all wanted, beside one number that is assumed within its tolerance.
 fn nothing_known(unknowns: usize) -> Present {
-    let mut known = RowGatherer::new(unknowns + 1);
+    let mut rows = RowGatherer::new(unknowns + 1);
     for place in 0..=unknowns {
         let size = if place == unknowns { 1.0 } else { NO_EFFECT };
-        known.add(
+        rows.add(
             (0..=unknowns).map(|column| if column == place { size } else { 0.0 }),
             0.0,
         );
     }
     Present {
         points: vec![vec![0.5; unknowns]],
-        known: known.finish(),
+        known: rows.finish(),
         order: std::iter::once(unknowns).chain(0..unknowns).collect(),
         wanted: (0..unknowns).collect(),
         slopes: vec![1.0; unknowns],
@@ -94,14 +94,14 @@ fn an_error_that_all_windows_share_does_not_average_out() {
     let windows: Vec<&WindowInformation> = windows.iter().collect();
     let history = History::new(&present, &windows).expect("one number of columns");
     for count in [1, 4, 400] {
-        let known = history.known_with(0..count).expect("a regular sum");
+        let errors = history.known_with(0..count).expect("a regular sum");
         let noise = (1.0 / count as f64).sqrt();
         let near =
             |value: Option<f64>, expected: f64| (value.unwrap() / expected - 1.0).abs() < 1e-3;
-        assert!(near(known[0].noise, noise), "{known:?}");
+        assert!(near(errors[0].noise, noise), "{errors:?}");
         assert!(
-            near(known[0].total, (1.0 + noise * noise).sqrt()),
-            "{known:?}"
+            near(errors[0].total, (1.0 + noise * noise).sqrt()),
+            "{errors:?}"
         );
     }
 }
@@ -121,8 +121,8 @@ fn a_target_is_met_with_windows_none_of_which_can_be_left_out() {
     };
     let chosen = history.choose(&goal, &NEVER).windows;
     let reaches = |windows: &[usize]| {
-        let known = history.known_with(windows.iter().copied());
-        history.fulfils(known.as_deref(), &goal)
+        let errors = history.known_with(windows.iter().copied());
+        history.fulfils(errors.as_deref(), &goal)
     };
     assert!(reaches(&chosen));
     assert!(chosen.len() < 20, "{chosen:?}");
