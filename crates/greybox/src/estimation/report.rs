@@ -17,6 +17,9 @@ pub struct Report {
     pub positions: Vec<f64>,
     /// The value of each coordinate, SI.
     pub values: Vec<f64>,
+    /// The positions of the estimate with all that is taken as known at its declared value; none where the
+    /// estimate is that one.
+    pub declared_positions: Option<Vec<f64>>,
     /// The cost.
     pub cost: Option<f64>,
     /// Generations judged.
@@ -35,6 +38,17 @@ pub struct Report {
     pub floor: Option<FloorReport>,
     /// Other minima as low as the estimate: each coordinate with its value, SI.
     pub twins: Vec<Vec<(String, f64)>>,
+}
+
+impl Report {
+    /// How far each coordinate lies from the estimate with all declared values, positions; none where the
+    /// estimate is that one.
+    #[must_use]
+    pub fn moved_from_declared(&self) -> Option<Vec<f64>> {
+        let declared = self.declared_positions.as_ref()?;
+        let pairs = self.positions.iter().zip(declared);
+        Some(pairs.map(|(position, declared)| position - declared).collect())
+    }
 }
 
 /// How one of the searches ended.

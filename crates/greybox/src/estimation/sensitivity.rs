@@ -223,14 +223,33 @@ impl<'a> Neighbourhood<'a> {
         let first_other = candidates.len();
         candidates.extend_from_slice(others);
         let recorded = record(problem, &candidates, first_other, accuracy, stop)?;
-        Some(Neighbourhood {
+        let mut neighbourhood = Neighbourhood {
             problem,
             differences,
             ends,
             first_other,
             candidates,
             recorded,
-        })
+        };
+        neighbourhood.end_where_simulations_end();
+        Some(neighbourhood)
+    }
+
+    /// Has a difference end at the candidate on the side where its neighbour cannot be simulated: at the edge
+    /// of what a model can do the other side alone tells the derivative.
+    fn end_where_simulations_end(&mut self) {
+        for place in 0..self.ends.len() {
+            let (low, high) = self.ends[place];
+            let (fails_back, fails_ahead) =
+                (self.failure(low).is_some(), self.failure(high).is_some());
+            if fails_back && !fails_ahead && high != 0 {
+                self.ends[place].0 = 0;
+                self.differences[place].back = 0.0;
+            } else if fails_ahead && !fails_back && low != 0 {
+                self.ends[place].1 = 0;
+                self.differences[place].ahead = 0.0;
+            }
+        }
     }
 
     /// How much a residual counts.
@@ -469,3 +488,6 @@ fn shifted_candidates(
     }
     (candidates, ends)
 }
+
+#[cfg(test)]
+mod tests;

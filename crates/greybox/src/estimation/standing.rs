@@ -78,6 +78,7 @@ impl Estimation {
             counters: total.counters,
             best_credit: total.best_credit.map(|(credit, _)| credit),
             best_generation: total.best_generation,
+            declared_positions: None,
             searches: self
                 .state
                 .searches

@@ -53,21 +53,28 @@ impl Advised<'_> {
             positions: fitted.positions,
             cost: fitted.cost,
             twins: Vec::new(),
+            declared_positions: None,
             ..self.conclusion.report.clone()
         };
         let free_run = spec.request(problem.model.description()).of_free_run();
-        let conclude =
-            |request| uncertainty::conclude(&problem, &report, request, Refits::default(), stop);
-        let concluded = conclude(&free_run)?;
-        let mut residuals = concluded.analysis.residuals.iter();
-        let is_explained = residuals.all(|output| output.white != Some(false));
-        let concluded = match self.noise() {
-            SoughtNoise::None => concluded,
-            _ if is_explained => concluded,
-            noise => conclude(&Request {
+        let under = |noise| {
+            let request = Request {
                 noise,
                 ..free_run.clone()
-            })?,
+            };
+            uncertainty::conclude(&problem, &report, &request, Refits::default(), stop)
+        };
+        let concluded = match self.noise() {
+            // A listed noise model is fitted to white residuals too.
+            SoughtNoise::Listed(listed) => {
+                let concluded = under(SoughtNoise::None)?;
+                let mut residuals = concluded.analysis.residuals.iter();
+                match residuals.all(|output| output.white != Some(false)) {
+                    true => concluded,
+                    false => under(SoughtNoise::Listed(listed))?,
+                }
+            }
+            noise => under(noise)?,
         };
         Some(Some(self.compared(&concluded)))
     }

@@ -301,7 +301,8 @@ fn coordinate(assumption: &Assumption, target: Target) -> Coordinate {
 }
 
 impl Budget {
-    /// The budget of an estimate.
+    /// The budget of an estimate; `moved` is how far each unknown lies from the estimate with all declared
+    /// values, positions.
     ///
     /// # Errors
     /// How the estimate or a neighbour along an unknown failed.
@@ -309,13 +310,14 @@ impl Budget {
         extended: &Extended,
         around: &Around<'_>,
         seen: Seen<'_>,
+        moved: Option<Vec<f64>>,
     ) -> Result<Budget, SimulationFailure> {
         let unknowns = extended.unknowns;
         let noise: Vec<Option<f64>> = (0..unknowns)
             .map(|index| seen.linear.deviation(index).map(|noise| noise * noise))
             .collect();
         let weighing = Weighing::of(&extended.problem, seen);
-        let joint = gather(extended, around, weighing)?;
+        let joint = gather(extended, around, weighing)?.map(|joint| joint.moved(moved));
         Ok(Budget::from(extended, around, joint.as_ref(), &noise, true))
     }
 
@@ -388,7 +390,10 @@ impl Budget {
                         let (noise, total) = (noise[unknown]?, totals[unknown]?);
                         let joint = joint?;
                         let (deviation, variance) = joint.contribution(unknown, place)?;
-                        let better = joint.total_if(unknown, noise, place, 1.0 / BETTER)?;
+                        let better = match has_residuals {
+                            true => joint.total_with(unknown, noise, place, 1.0 / BETTER)?,
+                            false => joint.total_if(unknown, noise, place, 1.0 / BETTER)?,
+                        };
                         Some(Contribution {
                             deviation,
                             share: variance / (total * total),

@@ -14,8 +14,11 @@
 //! tolerances pull back: `V·(g − d)` stands in the place of `V·g`, which is zero where data and
 //! tolerances balance (`super::nuisances`).
 //!
-//! Where the residuals contradict an assumption the linear model is not to be relied on so far away,
-//! and the error has at least the mean square `C + K·Kᵀ`.
+//! Where the residuals contradict an assumption the linear model is not to be relied on so far away.
+//! Where the estimate was made with other values of the assumptions, its distance from the estimate with
+//! all declared values is what the contradiction does to the unknowns, refitted and not extrapolated: the
+//! square of that distance is added to the mean square. Where the estimate holds the declared values, the
+//! error has at least the mean square `C + K·Kᵀ`.
 //!
 //! Where the data say nothing of an assumption this is the propagation of uncertainty of JCGM 100,
 //! `C + K·Kᵀ`; where they say all, it is that of an estimate with all of them free. All of it is
@@ -48,6 +51,9 @@ pub struct Joint {
     gradient: DVector<f64>,
     /// d: for each assumption how far off the declared value the estimate takes it.
     off: DVector<f64>,
+    /// For each unknown how far the estimate lies from the one with all declared values, positions; none
+    /// where the estimate is that one.
+    moved: Option<Vec<f64>>,
     /// For each assumption whether the data see it apart from the unknowns.
     seen: Vec<bool>,
     /// V.
@@ -127,10 +133,17 @@ impl Joint {
             apart,
             gradient,
             off,
+            moved: None,
             seen,
             posterior,
             middle,
         })
+    }
+
+    /// The same for an estimate that lies so far, positions, from the one with all declared values.
+    #[must_use]
+    pub fn moved(self, moved: Option<Vec<f64>>) -> Joint {
+        Joint { moved, ..self }
     }
 
     /// How far an unknown moves by a standard deviation of an assumption.
@@ -230,9 +243,18 @@ impl Joint {
         let spread = &self.posterior * &moves;
         let shift = moves.dot(&self.middle);
         let told = moves.component_mul(&(spread + &self.middle * shift));
-        let declared = moves.component_mul(&moves);
-        let is_wider = self.is_contradicted() && declared.sum() > told.sum();
-        Some(if is_wider { declared } else { told })
+        if !self.is_contradicted() {
+            return Some(told);
+        }
+        let Some(moved) = &self.moved else {
+            let declared = moves.component_mul(&moves);
+            let is_wider = declared.sum() > told.sum();
+            return Some(if is_wider { declared } else { told });
+        };
+        // Each assumption has the part of the distance that it makes in the linear model.
+        let parts = moves.component_mul(&self.off).abs();
+        let whole = parts.sum().max(f64::MIN_POSITIVE);
+        Some(told + parts * (moved[unknown].powi(2) / whole))
     }
 
     /// What an assumption contributes to an unknown: the root mean square of its own error, and what it adds to the
@@ -243,6 +265,21 @@ impl Joint {
             self.posterior[(assumption, assumption)] + self.middle[assumption].powi(2);
         let deviation = self.moves(unknown)?[assumption].abs() * mean_square.sqrt();
         Some((deviation, self.added(unknown)?[assumption]))
+    }
+
+    /// What the mean square of an unknown's error would be, were the tolerance of an assumption `factor` times as
+    /// large, with its present residuals: what else they say of the assumptions stays as it is.
+    #[must_use]
+    pub fn total_with(
+        &self,
+        unknown: usize,
+        noise: f64,
+        assumption: usize,
+        factor: f64,
+    ) -> Option<f64> {
+        let now = self.total_if(unknown, noise, assumption, 1.0)?;
+        let then = self.total_if(unknown, noise, assumption, factor)?;
+        Some((self.total(unknown, noise)? - (now - then)).max(then))
     }
 
     /// What the mean square of an unknown's error would be, were the tolerance of an assumption
@@ -450,6 +487,31 @@ mod tests {
                 let added = joint.total(unknown, 0.0).unwrap();
                 assert!((parts.sum::<f64>() / added - 1.0).abs() < 1e-10);
             }
+        }
+    }
+
+    #[test]
+    fn a_contradicted_estimate_that_was_moved_errs_by_its_distance_from_the_declared_one() {
+        // Residuals that no value within the tolerances explains.
+        let (s, p) = (matrix(&S), matrix(&P));
+        let mut triangle = Triangle::new(4);
+        triangle.push(&DMatrix::from_fn(6, 5, |row, column| match column {
+            0 | 1 => s[(row, column)],
+            2 | 3 => p[(row, column - 2)],
+            _ => 50.0 * R[row],
+        }));
+        let taken = |off: [f64; 2]| Joint::new(&triangle, &triangle, &off).unwrap();
+        let off = [6.0, 1.0];
+        let still = taken(off).moved(Some(vec![0.0; 2]));
+        let moved = taken(off).moved(Some(vec![0.3, -0.7]));
+        assert!(still.is_contradicted());
+        for (unknown, distance) in [0.3, 0.7].into_iter().enumerate() {
+            let (without, with) = (still.total(unknown, 1.0), moved.total(unknown, 1.0));
+            let further = with.unwrap() - without.unwrap();
+            assert!((further - distance * distance).abs() < 1e-10, "{further}");
+            // Another tolerance does not take the distance away.
+            let better = moved.total_with(unknown, 1.0, 0, 0.2).unwrap();
+            assert!(better > distance * distance && better <= with.unwrap());
         }
     }
 

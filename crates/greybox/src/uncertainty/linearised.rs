@@ -274,7 +274,8 @@ impl FirstOrder {
             residuals,
             linear: &linear,
         };
-        let budget = Budget::of(extended, around, seen).map_err(SensitivityError::Failed)?;
+        let moved = report.moved_from_declared();
+        let budget = Budget::of(extended, around, seen, moved).map_err(SensitivityError::Failed)?;
         let drifts = drift::of(problem, &around.neighbourhood, seen);
         let drifts = drifts.map_err(SensitivityError::Failed)?;
         // Innovations alone are as independent as the comparison of windows takes them for.

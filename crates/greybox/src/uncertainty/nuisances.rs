@@ -256,6 +256,8 @@ impl RefitSequence for NuisanceFit {
         match standing.filter(|standing| standing.objective < self.objective) {
             Some(standing) => {
                 next.objective = standing.objective;
+                let declared = next.report.positions.clone();
+                next.report.declared_positions.get_or_insert(declared);
                 next.report.values = step.problem.values(&refit.positions);
                 next.report.positions.clone_from(&refit.positions);
                 next.report.cost = refit.cost;

@@ -30,6 +30,7 @@ pub fn descended(problem: &Problem, start: Vec<f64>) -> Report {
         counters: Counters::default(),
         best_credit: None,
         best_generation: None,
+        declared_positions: None,
         searches: Vec::new(),
         starts: Vec::new(),
         floor: None,

@@ -110,6 +110,7 @@ fn report(problem: &Problem, position: f64, stop_reason: StopReason) -> Report {
         counters: Counters::default(),
         best_credit: None,
         best_generation: None,
+        declared_positions: None,
         searches: Vec::new(),
         starts: Vec::new(),
         floor: None,

@@ -14,6 +14,9 @@ const MODERATE_SHARE: f64 = 0.1;
 /// Where explanations of the record differ and the total interval covers each of them, a half of the interval
 /// beyond this share of the value makes the trust low.
 const LOW_HALF: f64 = 0.5;
+/// A number is named as worth knowing better where the total standard error then falls below this share.
+const USEFUL_SHARE: f64 = 0.95;
+
 /// The total standard error of a coordinate.
 struct IntervalWidth {
     coordinate: usize,
@@ -104,6 +107,7 @@ impl Case<'_> {
         let lines = self.analysis.budget.lines.iter().enumerate();
         let lines = lines.filter_map(|(place, line)| Some((place, line, better(line)?)));
         let best = lines.min_by(|(_, _, a), (_, _, b)| a.total_cmp(b));
+        let best = best.filter(|(_, _, then)| *then < USEFUL_SHARE * width.total);
         let error = format!(
             "all that is assumed leaves `{}` a standard error of {}",
             self.problem.coordinates[width.coordinate].name,
@@ -115,7 +119,9 @@ impl Case<'_> {
             doubt.at_stake(width.share)
         };
         let Some((place, line, then)) = best else {
-            return doubt(error);
+            return doubt(format!(
+                "{error}: no number of the model that is known better makes it much less"
+            ));
         };
         let assumption = &line.assumption;
         let detail = format!(

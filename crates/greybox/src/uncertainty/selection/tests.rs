@@ -71,6 +71,7 @@ fn the_model_with_all_effects_never_ends_above_a_smaller_one() {
         counters: Counters::default(),
         best_credit: None,
         best_generation: None,
+        declared_positions: None,
         searches: Vec::new(),
         starts: Vec::new(),
         floor: None,
