@@ -33,6 +33,10 @@ use greybox::recording::{Recording, Samples, Summary};
 const DEFAULT_POINTS: u64 = 2000;
 /// Points of a plot at the most.
 const MAX_POINTS: u64 = 100_000;
+/// What a client can do whose recording is too large.
+pub(super) const SMALLER: &str = "send it as Parquet, which takes a part of the bytes of a CSV, or in parts to a \
+                                  stream (`POST /v1/streams/{name}`); whoever runs the server can allow more \
+                                  with `--max-body-mib`";
 /// A stored recording.
 #[derive(Serialize, ToSchema)]
 pub struct Dataset {
@@ -131,6 +135,22 @@ pub struct ReadingQuery {
     /// The worksheet of a workbook; the first that can be seen and has anything in it when absent.
     #[param(example = "Data")]
     pub sheet: Option<String>,
+    /// The line of a table's titles, from 1.
+    #[param(example = "3")]
+    pub header_row: Option<String>,
+    /// The line of the units of a table's columns, from 1, or `none`.
+    #[param(example = "none")]
+    pub unit_row: Option<String>,
+    /// The column that names the signal of a row, by its title: the table then has a row for each
+    /// sample of one signal.
+    #[param(example = "Messstelle")]
+    pub tag: Option<String>,
+    /// The columns of values of such a table, separated by commas, or as a JSON array. Of several
+    /// each is a signal of its own, such as `pump.pressure`; all columns of numbers when absent.
+    #[param(example = "Wert")]
+    pub value: Option<String>,
+    /// The column of the quality of such a table.
+    pub quality: Option<String>,
 }
 
 /// The options of a recording, understood, and as they came.
@@ -223,7 +243,8 @@ pub async fn create(
     if let Some(charset) = charset {
         options.assume_encoding(&charset);
     }
-    let received = bodies.receive(request.into_body(), limit).await?;
+    let received = bodies.receive(request.into_body(), limit).await;
+    let received = received.map_err(|problem| problem.or_instead(SMALLER))?;
     let _permit = bodies.work.recording_permit().await?;
     let scratch = bodies.datasets.scratch();
     let parsed = bodies

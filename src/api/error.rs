@@ -245,6 +245,14 @@ impl Problem {
         Self::new(Kind::TooLarge, detail)
     }
 
+    /// The same problem; where a body is too large, with what the client can do instead.
+    pub fn or_instead(mut self, remedy: &str) -> Self {
+        if self.kind == Kind::TooLarge {
+            self.detail = format!("{}; {remedy}", self.detail);
+        }
+        self
+    }
+
     /// The client may try again after so many seconds.
     pub fn retry_after(self, seconds: u32) -> Self {
         self.with_header(header::RETRY_AFTER, HeaderValue::from(seconds))

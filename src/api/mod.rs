@@ -28,6 +28,7 @@ pub mod health;
 pub mod http_headers;
 pub mod job_list;
 pub mod jobs;
+mod layouts;
 mod limits;
 pub mod mappings;
 mod metric_lines;

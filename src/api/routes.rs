@@ -14,9 +14,9 @@ use super::http_headers::tagged_json;
 use super::state::ApiState;
 use super::{
     audit, authorise, candidates, changes, comparisons, datasets, demonstration, designs,
-    disturbance, events, health, job_list, jobs, mappings, models, monitors, posterior, report,
-    results, selections, session, simulations, sinks, streams, submit, trajectory, verdict_rules,
-    webhooks,
+    disturbance, events, health, job_list, jobs, layouts, mappings, models, monitors, posterior,
+    report, results, selections, session, simulations, sinks, streams, submit, trajectory,
+    verdict_rules, webhooks,
 };
 
 /// Every resource of the service, with its description.
@@ -30,6 +30,7 @@ fn described() -> OpenApiRouter<ApiState> {
         .routes(routes!(datasets::create, datasets::list))
         .routes(routes!(datasets::show, datasets::remove))
         .routes(routes!(datasets::samples))
+        .routes(routes!(layouts::show))
         .routes(routes!(models::create, models::list))
         .routes(routes!(models::show, models::remove))
         .routes(routes!(streams::list))

@@ -18,7 +18,9 @@ use utoipa::{IntoParams, ToSchema};
 use super::ApiState;
 use super::body::scratch_failed;
 use super::client::Client;
-use super::datasets::{FileBytes, ReadingQuery, RecordingDocument, digest, kind_of, reading};
+use super::datasets::{
+    FileBytes, ReadingQuery, RecordingDocument, SMALLER, digest, kind_of, reading,
+};
 use super::error::{Answer, Kind, Problem};
 use super::extract::{Named, PathName};
 use super::http_headers::{idempotency_key, json, prefers, tagged_json};
@@ -177,7 +179,8 @@ pub async fn append(
         options.assume_encoding(&charset);
     }
     let limit = state.limits.dataset_bytes;
-    let received = state.bodies.receive(request.into_body(), limit).await?;
+    let received = state.bodies.receive(request.into_body(), limit).await;
+    let received = received.map_err(|problem| problem.or_instead(SMALLER))?;
     let _permit = state.work.recording_permit().await?;
     let scratch = state.store.datasets().scratch();
     let options = options.for_purpose(ReadingPurpose::Stream);

@@ -64,6 +64,26 @@ pub struct Reading {
     /// The worksheet of a workbook
     #[arg(long)]
     sheet: Option<String>,
+
+    /// The line of a table's titles, from 1
+    #[arg(long, alias = "header_row")]
+    header_row: Option<String>,
+
+    /// The line of the units of a table's columns, from 1, or `none`
+    #[arg(long, alias = "unit_row")]
+    unit_row: Option<String>,
+
+    /// The column that names the signal of a row
+    #[arg(long)]
+    tag: Option<String>,
+
+    /// The columns of values, separated by commas, where a row names its signal
+    #[arg(long)]
+    value: Option<String>,
+
+    /// The column of the quality, where a row names its signal
+    #[arg(long)]
+    quality: Option<String>,
 }
 
 impl Reading {
@@ -100,6 +120,11 @@ impl Reading {
             ("interpolation", self.interpolation.as_deref()),
             ("grid", self.grid.as_deref()),
             ("sheet", self.sheet.as_deref()),
+            ("header_row", self.header_row.as_deref()),
+            ("unit_row", self.unit_row.as_deref()),
+            ("tag", self.tag.as_deref()),
+            ("value", self.value.as_deref()),
+            ("quality", self.quality.as_deref()),
         ]
     }
 }

@@ -102,8 +102,9 @@ async fn a_recording_larger_than_the_limit_is_refused_with_the_limit() {
         .chain(rows)
         .collect();
     let problem = app.post_csv("/v1/datasets", csv).await.problem(413);
+    let detail = problem["detail"].as_str().unwrap();
     assert!(
-        problem["detail"].as_str().unwrap().contains("1048576"),
+        detail.contains("1048576") && detail.contains("Parquet"),
         "{problem}"
     );
 }

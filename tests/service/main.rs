@@ -24,6 +24,8 @@ mod faults;
 
 mod idempotency;
 
+mod layouts;
+
 mod life;
 mod limits;
 

@@ -47,7 +47,11 @@ impl Report {
     pub fn moved_from_declared(&self) -> Option<Vec<f64>> {
         let declared = self.declared_positions.as_ref()?;
         let pairs = self.positions.iter().zip(declared);
-        Some(pairs.map(|(position, declared)| position - declared).collect())
+        Some(
+            pairs
+                .map(|(position, declared)| position - declared)
+                .collect(),
+        )
     }
 }
 

@@ -6,12 +6,13 @@
 
 use serde::Serialize;
 use std::{fmt, io};
+use utoipa::ToSchema;
 
 /// The most faults that one reading reports; it stops at the last of them.
 pub const MAX_FAULTS: usize = 20;
 
 /// One thing wrong with a recording.
-#[derive(Clone, Debug, PartialEq, Eq, Serialize)]
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, ToSchema)]
 pub struct ReadingFault {
     /// The place as a JSON pointer, in a recording that is JSON.
     #[serde(skip_serializing_if = "Option::is_none")]

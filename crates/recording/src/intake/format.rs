@@ -172,7 +172,18 @@ impl Format {
     }
 
     /// Options that would do nothing for this format.
-    pub(super) fn without(self) -> &'static [&'static str] {
+    pub(super) fn without(self) -> Vec<&'static str> {
+        let columns = ["tag", "value", "quality"];
+        let table: &[&str] = match self {
+            Self::LongCsv => &[],
+            Self::WideCsv | Self::PairedCsv => &columns,
+            _ => &["header_row", "unit_row", "tag", "value", "quality"],
+        };
+        [self.without_of_all(), table].concat()
+    }
+
+    /// Options that would do nothing for this format, but for those about the layout of a table.
+    fn without_of_all(self) -> &'static [&'static str] {
         match self {
             Self::Json => &[
                 "time",
@@ -190,10 +201,18 @@ impl Format {
             Self::WideCsv => &["quality_scheme", "grid"],
             Self::SimulinkCsv | Self::InfluxCsv | Self::InfluxLines => &["time", "quality_scheme"],
             Self::PiWebApi | Self::Omf => &["time", "quality_scheme"],
-            Self::PandasRecords => &[],
+            Self::PandasRecords | Self::LongCsv => &[],
             Self::PandasSplit | Self::PandasTable | Self::InfluxJson => &["quality_scheme"],
             _ => &["time"],
         }
+    }
+
+    /// Whether the text is rows of fields.
+    pub(super) fn is_table(self) -> bool {
+        matches!(
+            self,
+            Self::WideCsv | Self::LongCsv | Self::PairedCsv | Self::SimulinkCsv | Self::InfluxCsv
+        )
     }
 
     /// Whether samples are held in memory until the end of the text; a limit is set to them.

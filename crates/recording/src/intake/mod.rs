@@ -23,18 +23,21 @@ mod format;
 mod gzip;
 mod historian;
 pub mod json;
+mod layout;
 pub mod lines;
 mod memory;
 mod options;
 mod order;
 mod quality;
 mod stamp;
+mod table_options;
 mod tags;
 pub mod units;
 mod value;
 
 pub use error::{MAX_FAULTS, ReadError, ReadingFault};
 pub use format::{Format, MediaKind};
+pub use layout::{ColumnRole, Layout, LayoutColumn, LayoutRow};
 pub use memory::{MEMORY_ALWAYS, MEMORY_PER_BYTE, MOST_RATIO, may_unpack};
 pub use options::{Options, ReadingPurpose};
 pub use quality::quality_schemes;
@@ -120,9 +123,9 @@ fn receive_plain(
     }
     let format = match format {
         Some(format) => format,
-        None => recognised(kind, &head),
+        None => recognised(kind, &head, options),
     };
-    options.refuse(format.without(), format.name())?;
+    options.refuse(&format.without(), format.name())?;
     let whole = Cursor::new(head.clone()).chain(text);
     match format {
         Format::Json => json::read(whole, options.purpose).map(|mut recording| {
@@ -139,6 +142,52 @@ fn receive_plain(
             csv::receive_as(csv, text, options, scratch, memory)
         }
     }
+}
+
+/// Says how a text is read that begins so. Of a text that is no table only the format is told.
+///
+/// # Errors
+/// When the source fails, or is no text of a format that is read here.
+pub fn layout(source: impl Read, kind: MediaKind, options: &Options) -> Result<Layout, ReadError> {
+    let mut beginning = Vec::new();
+    source.take(HEAD_BYTES).read_to_end(&mut beginning)?;
+    let format = options.format.or(Format::of_magic(&beginning));
+    if let Some(format @ (Format::Excel | Format::Parquet | Format::Arrow)) = format {
+        let detail = format!(
+            "the layout of {} is not looked at: it is no text",
+            format.name()
+        );
+        return Err(ReadError::Unsupported(detail));
+    }
+    let is_cut = beginning.len() as u64 == HEAD_BYTES;
+    let mut head = Vec::new();
+    DecodedText::new(&beginning[..], options.encoding.as_deref())?.read_to_end(&mut head)?;
+    if let Some(end) = head
+        .iter()
+        .rposition(|byte| *byte == b'\n')
+        .filter(|_| is_cut)
+    {
+        head.truncate(end + 1);
+    }
+    let format = format.unwrap_or_else(|| recognised(kind, &head, options));
+    let mut layout = match format.is_table() {
+        true => csv::layout(format, &head, options),
+        false => Layout::default(),
+    };
+    if format.is_table() {
+        // The head is UTF-8 by now.
+        let options = Options {
+            format: Some(format),
+            encoding: None,
+            ..options.clone()
+        };
+        match receive(&head[..], MediaKind::Csv, &options, None) {
+            Ok(received) => layout.warnings = received.header.notes,
+            Err(error) => layout.faults = error.faults().to_vec(),
+        }
+    }
+    layout.format = format.name();
+    Ok(layout)
 }
 
 /// How values in a recorded unit become SI; nothing where none was said, or the unit is not known.
@@ -169,13 +218,13 @@ impl Recording {
     }
 }
 
-fn recognised(kind: MediaKind, head: &[u8]) -> Format {
+fn recognised(kind: MediaKind, head: &[u8], options: &Options) -> Format {
     let first = head.trim_ascii_start().first().copied();
     match kind {
         MediaKind::Json => historian::recognised(head),
         MediaKind::Text if matches!(first, Some(b'{' | b'[')) => historian::recognised(head),
         MediaKind::Text if lines::looks_like(head) => Format::InfluxLines,
-        _ => csv::recognised(head),
+        _ => csv::recognised(head, options),
     }
 }
 

@@ -4,7 +4,8 @@ use super::epochs::Epoch;
 use super::error::{ReadError, ReadingFault, ReadingFaults};
 use super::format::Format;
 use super::quality::Scheme;
-use super::{encoding, units};
+use super::table_options::TableOptions;
+use super::{encoding, table_options, units};
 use crate::{Interpolation, MIN_SAMPLES, RecordingSource, TimeAxis, Warning};
 use greybox_numerics::parsing::reader::did_you_mean;
 use jiff::tz::TimeZone;
@@ -33,6 +34,7 @@ pub struct Options {
     pub(super) grid: Option<GridOption>,
     /// The worksheet of a workbook.
     pub(super) sheet: Option<String>,
+    pub(super) table: TableOptions,
     pub(super) purpose: ReadingPurpose,
     pub(super) given: BTreeMap<String, String>,
 }
@@ -121,7 +123,7 @@ pub(super) enum GridOption {
 
 impl Options {
     /// The options by their names, in the order in which a digest counts them.
-    pub const NAMES: [&'static str; 13] = [
+    pub const NAMES: [&'static str; 18] = [
         "format",
         "tz",
         "time_unit",
@@ -135,6 +137,11 @@ impl Options {
         "interpolation",
         "grid",
         "sheet",
+        "header_row",
+        "unit_row",
+        "tag",
+        "value",
+        "quality",
     ];
 
     /// Sets the option of that name.
@@ -168,6 +175,11 @@ impl Options {
             "interpolation" => self.set_interpolation(text)?,
             "grid" => self.grid = Some(grid(text)?),
             "sheet" => self.sheet = Some(text.to_owned()),
+            "header_row" => self.table.header_row = Some(table_options::line(text)?),
+            "unit_row" => self.table.unit_row = Some(table_options::unit_row(text)?),
+            "tag" => self.table.tag = Some(text.to_owned()),
+            "value" => self.table.values = list(text)?,
+            "quality" => self.table.quality = Some(text.to_owned()),
             _ => return Err(format!("there is no option `{option}`")),
         }
         self.given.insert(option.to_owned(), text.to_owned());

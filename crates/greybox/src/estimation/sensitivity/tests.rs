@@ -47,7 +47,11 @@ fn where_one_neighbour_cannot_be_simulated_the_other_tells_the_derivative() {
         let scale = around.scale(row.place());
         let expected = 2.0 * time / scale;
         let error = (row.derivatives[0] - expected).abs();
-        assert!(error <= 0.01 * expected, "{} {expected}", row.derivatives[0]);
+        assert!(
+            error <= 0.01 * expected,
+            "{} {expected}",
+            row.derivatives[0]
+        );
         visited += 1;
     };
     around.visit(visit).unwrap();

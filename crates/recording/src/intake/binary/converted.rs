@@ -40,8 +40,8 @@ pub(super) fn receive_rows(
             ReadingFault::at_line("empty", 1, None, "there is no header row: there is no row");
         return Err(malformed(fault));
     }
-    let layout = csv::recognised(&head);
-    options.refuse(layout.without(), layout.name())?;
+    let layout = csv::recognised(&head, options);
+    options.refuse(&layout.without(), layout.name())?;
     let whole = Cursor::new(head.clone()).chain(rows.text);
     let text = csv::SniffedText { head: &head, whole };
     let received = csv::receive_as(layout, text, options, scratch, memory);

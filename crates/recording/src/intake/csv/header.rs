@@ -79,7 +79,8 @@ impl Header {
     }
 }
 
-fn time_column(titles: &[&str], wanted: Option<&str>) -> Option<usize> {
+/// The column with that title, or the first.
+pub(super) fn time_column(titles: &[&str], wanted: Option<&str>) -> Option<usize> {
     let Some(wanted) = wanted else {
         return Some(0);
     };

@@ -13,7 +13,9 @@
 mod fields;
 mod header;
 mod influx;
+mod layout;
 mod long;
+mod long_columns;
 mod paired;
 mod rows;
 mod shape;
@@ -21,6 +23,7 @@ mod simulink;
 mod sniff;
 mod split_time;
 mod table;
+mod top_rows;
 
 use super::error::{ReadingFault, invalid};
 use super::memory::Memory;
@@ -30,15 +33,16 @@ use crate::{NewScratch, ReceivedRecording, Warning};
 use ::csv::ByteRecord;
 pub(super) use fields::time_name_and_unit;
 use header::Header;
-pub(super) use long::LongColumns;
+pub(super) use layout::layout;
+pub(super) use long_columns::LongColumns;
 use rows::{TableRows, read_row};
 use sniff::{Fractions, Sniff};
 use std::io::Read;
 use table::CsvTable;
 
 /// What kind of CSV begins so.
-pub(super) fn recognised(head: &[u8]) -> Format {
-    Sniff::new(head).format()
+pub(super) fn recognised(head: &[u8], options: &Options) -> Format {
+    Sniff::new(head, &options.table).format(options)
 }
 
 /// A text whose beginning has been read to see what it is: the `whole` begins with the `head`.
@@ -55,7 +59,7 @@ pub(super) fn receive_as(
     scratch: Option<NewScratch>,
     memory: &Memory,
 ) -> Result<ReceivedRecording, ReadError> {
-    let sniff = Sniff::new(text.head);
+    let sniff = Sniff::new(text.head, &options.table);
     let mut notes = Vec::new();
     let mut options = options.clone();
     match sniff.fractions() {
@@ -83,7 +87,10 @@ pub(super) fn receive_as(
     let rows = TableRows::of(whole, sniff.delimiter, &sniff.shape);
     let repeated = rows.repeated();
     let mut received = match format {
-        Format::LongCsv => long::read(rows, sniff.guessed_columns(), &options, memory),
+        Format::LongCsv => {
+            let columns = sniff.long_columns(&options)?;
+            long::read(rows, columns, &options, memory)
+        }
         Format::PairedCsv => paired::read(rows, sniff.paired_columns(), &options, memory),
         Format::SimulinkCsv => simulink::read(rows, &options, memory),
         Format::InfluxCsv => influx::read(rows, &options, memory),
@@ -111,15 +118,13 @@ fn wide(
 ) -> Result<ReceivedRecording, ReadError> {
     if let Some(title) = sniff.mixed_column() {
         let detail = format!(
-            "rows of one time differ by `{title}`, and several columns have numbers: send a row for each sample \
-             with columns `timestamp`, `tag` and `value`, or a column for each signal"
+            "rows of one time differ by `{title}`, and several columns have numbers: say `tag`, such as `{title}`, \
+             and each of these columns is a signal of what that column names"
         );
-        return Err(invalid(ReadingFault::at_line(
-            "layout_unclear",
-            1,
-            None,
-            detail,
-        )));
+        return Err(invalid(ReadingFault {
+            parameter: Some("tag".to_owned()),
+            ..ReadingFault::at_line("layout_unclear", 1, None, detail)
+        }));
     }
     let mut rows = text.whole;
     let mut record = ByteRecord::new();

@@ -4,6 +4,7 @@
 use super::super::cell::Cell;
 use super::super::clock::Clock;
 use super::super::error::{ReadError, ReadingFault, invalid};
+use super::super::layout::ColumnRole;
 use super::super::memory::Memory;
 use super::super::options::Options;
 use super::super::tags::{Quality, RawSample, Tags};
@@ -81,6 +82,22 @@ impl PairedColumns {
             .collect();
         let has_quality = series.iter().any(|series| series.quality.is_some());
         (are_paired || has_quality).then_some(PairedColumns(series))
+    }
+}
+
+impl PairedColumns {
+    /// What a column holds.
+    pub(super) fn role(&self, column: usize) -> ColumnRole {
+        let is_any = |of: &dyn Fn(&SeriesColumns) -> bool| self.0.iter().any(of);
+        if is_any(&|series| series.time == column) {
+            ColumnRole::Time
+        } else if is_any(&|series| series.value == column) {
+            ColumnRole::Signal
+        } else if is_any(&|series| series.quality == Some(column)) {
+            ColumnRole::Quality
+        } else {
+            ColumnRole::LeftOut
+        }
     }
 }
 

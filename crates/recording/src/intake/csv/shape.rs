@@ -2,12 +2,13 @@
 //! of units goes into the titles, and a time in several columns becomes one.
 
 use super::super::error::{ReadingFault, excerpt};
+use super::super::table_options::TableOptions;
 use super::super::{stamp, units, value};
-use super::fields::{is_called_time, is_data, line_of};
+use super::fields::{is_called_time, line_of};
 use super::split_time::SplitTime;
+use super::top_rows::{NamedRows, TopRows, fields_of, unit_of};
 use crate::Warning;
 use ::csv::ByteRecord;
-use std::collections::BTreeMap;
 
 /// Titles of columns that number the rows, in small letters.
 const NUMBERING: [&str; 9] = [
@@ -37,124 +38,8 @@ pub(super) struct Shape {
     columns: usize,
     /// The rows that may all be the titles, by their lines.
     rivals: Vec<u64>,
-}
-
-/// A row as text, without empty fields at its end.
-fn fields_of(record: &ByteRecord) -> Vec<String> {
-    let field = |field: &[u8]| String::from_utf8_lossy(field).trim().to_owned();
-    let mut fields: Vec<String> = record.iter().map(field).collect();
-    while fields.last().is_some_and(String::is_empty) {
-        fields.pop();
-    }
-    fields
-}
-
-/// What the first rows of a text are.
-struct TopRows {
-    rows: Vec<Vec<String>>,
-    /// Which fields of the rows are data.
-    are_data: Vec<Vec<bool>>,
-    width: usize,
-    /// The columns that hold data.
-    data: Vec<usize>,
-}
-
-impl TopRows {
-    /// The rows with the columns of their table; none where no rows look like one.
-    fn of(records: &[ByteRecord]) -> Option<TopRows> {
-        let rows: Vec<Vec<String>> = records.iter().map(fields_of).collect();
-        let is_filled_data = |field: &String| !field.is_empty() && is_data(field);
-        let flags = |row: &Vec<String>| row.iter().map(is_filled_data).collect();
-        let are_data: Vec<Vec<bool>> = rows.iter().map(flags).collect();
-        let has_data = |row: &&Vec<bool>| row.len() > 1 && row.contains(&true);
-        let mut counts: BTreeMap<usize, usize> = BTreeMap::new();
-        for row in are_data.iter().filter(has_data) {
-            *counts.entry(row.len()).or_default() += 1;
-        }
-        let (width, _) = counts.into_iter().max_by_key(|(_, count)| *count)?;
-        let of_width = |k: &usize| has_data(&&are_data[*k]) && rows[*k].len() == width;
-        let holds_data = |column: &usize| {
-            let of_width = (0..rows.len()).filter(of_width);
-            let filled: Vec<usize> = of_width.filter(|k| !rows[*k][*column].is_empty()).collect();
-            let data = filled.iter().filter(|k| are_data[**k][*column]).count();
-            data > 0 && 2 * data >= filled.len()
-        };
-        let data = (0..width).filter(holds_data).collect();
-        Some(TopRows {
-            rows,
-            are_data,
-            width,
-            data,
-        })
-    }
-
-    /// Whether a row is one of data: the first and half of the columns that hold data have some.
-    fn is_data(&self, row: usize) -> bool {
-        let has_data = |column: &&usize| self.are_data[row].get(**column) == Some(&true);
-        let filled = self.data.iter().filter(has_data).count();
-        self.data.first().as_ref().is_some_and(has_data) && 2 * filled >= self.data.len()
-    }
-
-    /// Whether a row may be that of the titles.
-    fn is_titles(&self, row: usize) -> bool {
-        let words = self.rows[row].iter().filter(|field| !field.is_empty());
-        self.rows[row].len() >= self.width
-            && 2 * words.count() >= self.width
-            && !self.are_data[row].contains(&true)
-    }
-
-    fn is_comment(&self, row: usize) -> bool {
-        let first = self.rows[row].first();
-        first.is_some_and(|field| field.starts_with('#'))
-    }
-
-    /// The row of titles and that of units above the first row of data, or all rows that may be that of titles.
-    fn titles(&self, first: usize) -> Result<(usize, Option<usize>), Vec<usize>> {
-        let may_be = (0..first).map(|k| self.is_titles(k) || is_units(&self.rows[k]));
-        let may_be: Vec<bool> = may_be.collect();
-        let all = || (0..first).filter(|k| may_be[*k]);
-        let Some(last) = all().rfind(|k| !self.is_comment(*k)) else {
-            return all().next_back().map(|k| (k, None)).ok_or_else(Vec::new);
-        };
-        let block = (0..=last).rev();
-        let block = block.take_while(|k| may_be[*k] && !self.is_comment(*k));
-        let mut block: Vec<usize> = block.collect();
-        block.reverse();
-        block.dedup_by(|later, earlier| self.rows[*later] == self.rows[*earlier]);
-        let units = match block.len() {
-            1 => None,
-            _ => block.iter().rfind(|k| is_units(&self.rows[**k])).copied(),
-        };
-        block.retain(|k| Some(*k) != units);
-        match block[..] {
-            [titles] => Ok((titles, units)),
-            _ => Err(block),
-        }
-    }
-}
-
-/// A unit as it stands in a row of units, without brackets; nothing for a word that names the row.
-fn unit_of(field: &str) -> &str {
-    const NAMES: [&str; 5] = ["unit", "units", "einheit", "einheiten", "uom"];
-    let unit = field.trim_matches(['[', ']', '(', ')', ' ', ':']);
-    match NAMES.contains(&unit.to_lowercase().as_str()) {
-        true => "",
-        false => unit,
-    }
-}
-
-/// Whether most fields of a row are units.
-fn is_units(row: &[String]) -> bool {
-    let filled = || {
-        row.iter()
-            .map(|field| unit_of(field))
-            .filter(|field| !field.is_empty())
-    };
-    let is_unit = |field: &&str| units::parse(field).is_some() || stamp::is_pattern(field);
-    let is_word = |field: &str| field.contains(|c: char| c.is_alphabetic() || c == '%' || c == '°');
-    filled().any(is_word)
-        && filled().all(|field| field == "1" || !is_data(field))
-        && 2 * filled().filter(is_unit).count() >= filled().count()
+    /// An option that names a line on which no row of the beginning stands.
+    missing_line: Option<(&'static str, u64)>,
 }
 
 impl Shape {
@@ -167,15 +52,19 @@ impl Shape {
     }
 
     /// The shape of a text that begins with these rows; none where nothing tells which row has the titles.
-    pub(super) fn of(records: &[ByteRecord]) -> Option<Shape> {
+    pub(super) fn of(records: &[ByteRecord], options: &TableOptions) -> Option<Shape> {
         let top = TopRows::of(records)?;
-        let first = (0..top.rows.len()).find(|row| top.is_data(*row))?;
-        let (header, units, rivals) = match top.titles(first) {
+        let named = NamedRows::of(records, options);
+        if named.header.is_none() && top.first_data(0) == top.rows.len() {
+            return None;
+        }
+        let (header, units, rivals) = match top.named_titles(&named) {
             Ok((header, units)) => (header, units, Vec::new()),
             Err(rivals) => (*rivals.first()?, None, rivals),
         };
         // What stands below the titles and is no row of units is a row of the table, right or wrong.
         let end = units.map_or(header, |units| units.max(header)) + 1;
+        let first = top.first_data(end);
         let end = (end..first).find(|k| !top.is_comment(*k)).unwrap_or(first);
         let below = top.rows.get(end..)?;
         let titles = &top.rows[header];
@@ -187,6 +76,7 @@ impl Shape {
             time: SplitTime::of(titles, below),
             columns: top.data.len(),
             rivals: rivals.into_iter().map(|k| line_of(&records[k])).collect(),
+            missing_line: named.missing,
         })
     }
 
@@ -260,8 +150,40 @@ impl Shape {
         row
     }
 
+    /// The titles as they stand in the text.
+    pub(super) fn titles(&self) -> Vec<String> {
+        self.top.get(self.header).map(fields_of).unwrap_or_default()
+    }
+
+    /// The line of the titles.
+    pub(super) fn header_line(&self) -> Option<u64> {
+        self.top.get(self.header).map(line_of)
+    }
+
+    /// The line of the units.
+    pub(super) fn unit_line(&self) -> Option<u64> {
+        self.units.and_then(|row| self.top.get(row)).map(line_of)
+    }
+
+    /// Whether a column of the text is one of several that together are the time.
+    pub(super) fn is_time(&self, column: usize) -> bool {
+        self.time.as_ref().is_some_and(|time| time.has(column))
+    }
+
+    /// The column of the table that a column of the text is; none where the column is left out.
+    pub(super) fn table_column(&self, column: usize) -> Option<usize> {
+        let is_left_out = |k: usize| {
+            let is_joined = self
+                .time
+                .as_ref()
+                .is_some_and(|time| time.has(k) && time.first() != k);
+            is_joined || k == 0 && self.numbers_rows
+        };
+        (!is_left_out(column)).then(|| (0..column).filter(|k| !is_left_out(*k)).count())
+    }
+
     /// The unit that the row of units has for a column.
-    fn unit(&self, column: usize) -> Option<&str> {
+    pub(super) fn unit(&self, column: usize) -> Option<&str> {
         let field = self.top[self.units?].get(column)?;
         let unit = std::str::from_utf8(field).ok().map(unit_of);
         unit.filter(|unit| !unit.is_empty())
@@ -269,19 +191,26 @@ impl Shape {
 
     /// The fault of a text whose titles or units are in doubt.
     pub(super) fn fault(&self) -> Option<ReadingFault> {
+        if let Some((option, line)) = self.missing_line {
+            let detail = format!("no row begins on line {line} of the first rows of the text");
+            return Some(ReadingFault::of_option("unknown_line", option, detail));
+        }
         if let [first, second, ..] = self.rivals[..] {
             let detail = format!(
-                "lines {first} and {second} may both be the titles of the columns; leave one row of titles above \
-                 the data, and one of units at the most"
+                "lines {first} and {second} may both be the titles of the columns: say which with `header_row`, and \
+                 with `unit_row` which has the units, or `none`"
             );
-            return Some(ReadingFault::at_line("titles_unclear", first, None, detail));
+            return Some(ReadingFault {
+                parameter: Some("header_row".to_owned()),
+                ..ReadingFault::at_line("titles_unclear", first, None, detail)
+            });
         }
         let titles = fields_of(self.top.get(self.header)?);
         let differs = |(k, title): (usize, &String)| {
             let (name, unit) = units::name_and_unit(title);
             let below = self.unit(k).filter(|_| !unit.is_empty())?;
             let detail = format!(
-                "the title says `{unit}`, and the row of units `{below}`; leave one of them"
+                "the title says `{unit}`, and the row of units `{below}`: say `unit_row=none`, or mend the title"
             );
             let line = line_of(&self.top[self.header]);
             let fault = ReadingFault::at_line("units_differ", line, Some(name), detail);

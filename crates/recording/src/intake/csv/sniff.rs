@@ -1,9 +1,11 @@
 //! What the first lines of a CSV tell: its delimiter, its kind, and how it writes numbers.
 
+use super::super::error::ReadError;
 use super::super::format::HEAD_BYTES;
-use super::super::options::Decimal;
+use super::super::options::{Decimal, Options};
+use super::super::table_options::TableOptions;
 use super::super::{Format, value};
-use super::long::LongColumns;
+use super::long_columns::LongColumns;
 use super::paired::PairedColumns;
 use super::rows::{TableRows, read_row, read_text_row, rows_of};
 use super::shape::Shape;
@@ -23,9 +25,9 @@ pub(super) struct Sniff {
 }
 
 impl Sniff {
-    pub(super) fn new(head: &[u8]) -> Self {
+    pub(super) fn new(head: &[u8], options: &TableOptions) -> Self {
         let whole = without_cut_line(head);
-        let (delimiter, shape) = shape_of(whole);
+        let (delimiter, shape) = shape_of(whole, options);
         Self {
             delimiter,
             rows: table_rows(whole, delimiter, &shape, ROWS),
@@ -34,18 +36,12 @@ impl Sniff {
     }
 
     /// What kind of CSV it is.
-    pub(super) fn format(&self) -> Format {
-        let Some(first) = self.rows.first() else {
-            return Format::WideCsv;
-        };
+    pub(super) fn format(&self, options: &Options) -> Format {
         if let Some(format) = described(&self.rows) {
             return format;
         }
-        let titles: Vec<&str> = first.iter().map(String::as_str).collect();
-        if LongColumns::of(&titles)
-            .or_else(|| self.guessed_columns())
-            .is_some()
-        {
+        // Columns that options name and that are missing are a fault of such a table.
+        if !matches!(self.long_columns(options), Ok(None)) {
             return Format::LongCsv;
         }
         match self.paired_columns() {
@@ -54,16 +50,24 @@ impl Sniff {
         }
     }
 
-    /// The columns of signals with a time or a quality of their own beside them.
-    pub(super) fn paired_columns(&self) -> Option<PairedColumns> {
-        let (titles, rows) = self.rows.split_first()?;
-        let titles: Vec<&str> = titles.iter().map(String::as_str).collect();
-        PairedColumns::of(&titles, rows)
+    /// The titles of the columns of the table.
+    pub(super) fn titles(&self) -> Vec<&str> {
+        let titles = self.rows.first().into_iter().flatten();
+        titles.map(String::as_str).collect()
     }
 
-    /// The columns of a row for each sample, by what stands in the first rows.
-    pub(super) fn guessed_columns(&self) -> Option<LongColumns> {
-        LongColumns::guessed(self.rows.get(1..)?)
+    /// The columns of signals with a time or a quality of their own beside them.
+    pub(super) fn paired_columns(&self) -> Option<PairedColumns> {
+        let (_, rows) = self.rows.split_first()?;
+        PairedColumns::of(&self.titles(), rows)
+    }
+
+    /// The columns of a table whose rows name their signals; none of another table.
+    pub(super) fn long_columns(&self, options: &Options) -> Result<Option<LongColumns>, ReadError> {
+        match self.rows.split_first() {
+            Some((_, rows)) => LongColumns::chosen(&self.titles(), rows, options),
+            None => Ok(None),
+        }
     }
 
     /// The title of the column whose words tell apart rows of one time: such a text has a row for each sample, or for
@@ -186,7 +190,7 @@ fn described(rows: &[Vec<String>]) -> Option<Format> {
 }
 
 /// The delimiter of a text and the shape of its rows: those with the most columns of data.
-fn shape_of(text: &[u8]) -> (u8, Shape) {
+fn shape_of(text: &[u8], options: &TableOptions) -> (u8, Shape) {
     let start = text.trim_ascii_start();
     let first_line = start.split(|byte| *byte == b'\n').next().unwrap_or(start);
     let likely = delimiter(first_line);
@@ -203,15 +207,17 @@ fn shape_of(text: &[u8]) -> (u8, Shape) {
     }
     let unlikely = [b',', b';', b'\t'].into_iter();
     let unlikely = unlikely.filter(|delimiter| *delimiter != likely && text.contains(delimiter));
-    let unlikely = unlikely.map(|delimiter| (delimiter, Shape::of(&first_rows(text, delimiter))));
+    let unlikely =
+        unlikely.map(|delimiter| (delimiter, Shape::of(&first_rows(text, delimiter), options)));
     // Of several with as many columns the last is taken.
-    let all = unlikely.chain([(likely, Shape::of(&first))]);
+    let all = unlikely.chain([(likely, Shape::of(&first, options))]);
     let best = all.filter_map(|(delimiter, shape)| Some((delimiter, shape?)));
     best.max_by_key(|(_, shape)| shape.columns())
         .unwrap_or(plain)
 }
 
-fn first_rows(text: &[u8], delimiter: u8) -> Vec<ByteRecord> {
+/// The first rows of a text, from its first line on.
+pub(super) fn first_rows(text: &[u8], delimiter: u8) -> Vec<ByteRecord> {
     let mut rows = rows_of(text, delimiter);
     let mut first = Vec::new();
     let mut record = ByteRecord::new();
@@ -264,7 +270,8 @@ mod tests {
 
     #[test]
     fn fractions_are_judged_over_all_columns_together() {
-        let fractions = |text: &str| Sniff::new(text.as_bytes()).fractions();
+        let fractions =
+            |text: &str| Sniff::new(text.as_bytes(), &TableOptions::default()).fractions();
         assert_eq!(fractions("t;a\n0;0,5\n"), Fractions::Comma);
         assert_eq!(fractions("t;a\n0;12,25\n"), Fractions::Comma);
         assert_eq!(fractions("t;a\n0;1,234\n"), Fractions::Point);

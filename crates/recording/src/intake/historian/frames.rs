@@ -67,7 +67,7 @@ impl<'o> Frame<'o> {
     }
 
     /// Takes a sample that is an object of its own, which names its tag.
-    fn push_sample(&mut self, around: &Surroundings<'_>, fields: &Fields, places: LongColumns) {
+    fn push_sample(&mut self, around: &Surroundings<'_>, fields: &Fields, places: &LongColumns) {
         let place = |code, detail: String| around.fault(code, &detail);
         let cell = |column: usize| fields.0[column].1.cell();
         let text = |column: usize| fields.0[column].1.text();
@@ -77,16 +77,18 @@ impl<'o> Frame<'o> {
         };
         let unit = places.unit.and_then(text);
         self.tags.describe(tag, unit.as_deref(), None, &place);
-        let sample = RawSample {
-            tag,
-            time: cell(places.time),
-            value: cell(places.value),
-            quality: match places.quality {
-                Some((column, _)) => Quality::Code(cell(column)),
-                None => Quality::Unsaid,
-            },
-        };
-        self.tags.push(&sample, &place);
+        for value in &places.values {
+            let sample = RawSample {
+                tag,
+                time: cell(places.time),
+                value: cell(*value),
+                quality: match places.quality {
+                    Some((column, _)) => Quality::Code(cell(column)),
+                    None => Quality::Unsaid,
+                },
+            };
+            self.tags.push(&sample, &place);
+        }
     }
 
     fn push<'c>(
@@ -157,7 +159,7 @@ impl Visit for Frame<'_> {
         let samples = LongColumns::of(&columns).filter(|_| self.format == Format::PandasRecords);
         if let Some(places) = samples {
             self.time_of(&[columns[places.time]], None);
-            self.push_sample(around, fields, places);
+            self.push_sample(around, fields, &places);
             return true;
         }
         let time = self.time_of(&columns, key.as_deref());

@@ -1,0 +1,274 @@
+//! What the columns of a table are whose rows name their signals.
+
+use super::super::error::{ReadError, ReadingFault, invalid};
+use super::super::layout::ColumnRole;
+use super::super::options::Options;
+use super::super::quality::Scheme;
+use super::super::{units, value};
+use super::fields::is_called_time;
+use greybox_numerics::parsing::reader::did_you_mean;
+use std::collections::HashSet;
+
+const TIMES: [&str; 7] = [
+    "timestamp",
+    "datetime",
+    "time",
+    "tstamp",
+    "ts",
+    "date",
+    "sourcetimestamp",
+];
+const TAGS: [&str; 21] = [
+    "tag",
+    "tagname",
+    "tagpath",
+    "fqn",
+    "signal",
+    "point",
+    "pointname",
+    "variable",
+    "series",
+    "sensor",
+    "channel",
+    "name",
+    "path",
+    "tagid",
+    "metric",
+    "device",
+    "item",
+    "measurement",
+    "messstelle",
+    "messpunkt",
+    "kanal",
+];
+const VALUES: [&str; 12] = [
+    "value",
+    "val",
+    "v",
+    "vvalue",
+    "reading",
+    "floatvalue",
+    "wert",
+    "messwert",
+    "avg",
+    "average",
+    "mean",
+    "data",
+];
+const QUALITIES: [(&str, Option<Scheme>); 6] = [
+    ("opcquality", Some(Scheme::OpcDa)),
+    ("qualitydetail", Some(Scheme::AvevaQualityDetail)),
+    ("quality", None),
+    ("qualitycode", None),
+    ("status", None),
+    ("q", None),
+];
+const UNITS: [&str; 5] = ["unit", "units", "uom", "engunits", "unitsabbreviation"];
+
+/// Where in a row things stand.
+#[derive(Clone, Debug)]
+pub(in crate::intake) struct LongColumns {
+    pub(in crate::intake) time: usize,
+    pub(in crate::intake) tag: usize,
+    /// One column, or several whose titles are a part of the names of the signals.
+    pub(in crate::intake) values: Vec<usize>,
+    pub(in crate::intake) quality: Option<(usize, Option<Scheme>)>,
+    pub(in crate::intake) unit: Option<usize>,
+}
+
+/// The titles of a table in small letters, without units and signs.
+struct PlainTitles(Vec<String>);
+
+impl PlainTitles {
+    fn of(titles: &[&str]) -> Self {
+        let plain = |title: &&str| -> String {
+            let (name, _) = units::name_and_unit(title);
+            let letters = name.chars().filter(|c| c.is_alphanumeric());
+            letters.flat_map(char::to_lowercase).collect()
+        };
+        Self(titles.iter().map(plain).collect())
+    }
+
+    /// The column with the first of these titles that there is.
+    fn column(&self, names: &[&str]) -> Option<usize> {
+        let mut places = names.iter();
+        places.find_map(|name| self.0.iter().position(|title| title == name))
+    }
+
+    fn quality(&self) -> Option<(usize, Option<Scheme>)> {
+        let mut qualities = QUALITIES.into_iter();
+        qualities.find_map(|(name, scheme)| Some((self.column(&[name])?, scheme)))
+    }
+}
+
+impl LongColumns {
+    /// What the titles say, where there are a time, a tag and a value among them.
+    pub(in crate::intake) fn of(titles: &[&str]) -> Option<Self> {
+        let titles = PlainTitles::of(titles);
+        Some(Self {
+            time: titles.column(&TIMES)?,
+            tag: titles.column(&TAGS)?,
+            values: vec![titles.column(&VALUES)?],
+            quality: titles.quality(),
+            unit: titles.column(&UNITS),
+        })
+    }
+
+    /// The columns by what stands in them, below any titles: a column of words that repeat beside times that repeat,
+    /// and a column of numbers. None where the rows are no such list, or several columns have numbers.
+    pub(super) fn guessed(rows: &[Vec<String>]) -> Option<Self> {
+        let tag = Self::mixed_column(rows)?;
+        let numbers = numbers(rows, &[0, tag]);
+        (numbers.len() == 1).then_some(Self {
+            time: 0,
+            tag,
+            values: numbers,
+            quality: None,
+            unit: None,
+        })
+    }
+
+    /// The column of words that tells apart rows of one time, where the times of the first column repeat.
+    pub(super) fn mixed_column(rows: &[Vec<String>]) -> Option<usize> {
+        let width = rows.iter().map(Vec::len).max().unwrap_or(0);
+        let field = |row: &Vec<String>, column: usize| row.get(column).cloned().unwrap_or_default();
+        let times: HashSet<String> = rows.iter().map(|row| field(row, 0)).collect();
+        let is_word = |text: &str| {
+            text.chars().any(char::is_alphabetic) && value::number(text, None).is_none()
+        };
+        let tells_apart = |column: &usize| {
+            let words = rows.iter().map(|row| field(row, *column));
+            let words: Vec<String> = words.collect();
+            let different: HashSet<&String> = words.iter().collect();
+            let pairs = rows.iter().zip(&words);
+            let pairs: HashSet<(String, &String)> =
+                pairs.map(|(row, word)| (field(row, 0), word)).collect();
+            words.iter().all(|word| is_word(word))
+                && (2..=words.len() / 2).contains(&different.len())
+                && pairs.len() == rows.len()
+        };
+        let repeat = times.len() < rows.len();
+        (1..width).find(tells_apart).filter(|_| repeat)
+    }
+
+    /// The columns that options name; the others by their titles, or by what stands in the first rows. None where
+    /// nothing says that each row names its signal.
+    pub(super) fn chosen(
+        titles: &[&str],
+        rows: &[Vec<String>],
+        options: &Options,
+    ) -> Result<Option<Self>, ReadError> {
+        let told = Self::of(titles).or_else(|| Self::guessed(rows));
+        let table = &options.table;
+        if told.is_none() && !table.has_signals_in_rows() {
+            return Ok(None);
+        }
+        let plain = PlainTitles::of(titles);
+        let tag = named(titles, "tag", table.tag.as_deref())?
+            .or(told.as_ref().map(|told| told.tag))
+            .or_else(|| plain.column(&TAGS));
+        let tag = tag.ok_or_else(|| missing("tag", "names the signal of a row"))?;
+        let by_title = || {
+            let called = (0..titles.len()).find(|column| is_called_time(titles[*column]));
+            plain.column(&TIMES).or(called).unwrap_or(0)
+        };
+        let time = named(titles, "time", options.time.as_deref())?
+            .or(told.as_ref().map(|told| told.time))
+            .unwrap_or_else(by_title);
+        if time == tag {
+            let detail = format!("`{}` cannot be the time too: say `time`", titles[tag]);
+            return Err(invalid(ReadingFault::of_option(
+                "columns_missing",
+                "time",
+                detail,
+            )));
+        }
+        let quality = match named(titles, "quality", table.quality.as_deref())? {
+            Some(place) => plain
+                .quality()
+                .filter(|(titled, _)| *titled == place)
+                .or(Some((place, None))),
+            None => plain.quality(),
+        };
+        let mut columns = Self {
+            time,
+            tag,
+            values: Vec::new(),
+            quality,
+            unit: plain.column(&UNITS),
+        };
+        for title in &table.values {
+            columns.values.push(column(titles, "value", title)?);
+        }
+        if columns.values.is_empty() {
+            let titled = plain.column(&VALUES).filter(|column| *column != tag);
+            columns.values =
+                titled.map_or_else(|| columns.numbers_beside(rows), |value| vec![value]);
+        }
+        match columns.values[..] {
+            [] => Err(missing("value", "has the values")),
+            _ => Ok(Some(columns)),
+        }
+    }
+
+    /// What a column holds.
+    pub(super) fn role(&self, column: usize) -> ColumnRole {
+        let quality = self.quality.map(|(place, _)| place);
+        match column {
+            _ if column == self.time => ColumnRole::Time,
+            _ if column == self.tag => ColumnRole::Tag,
+            _ if self.values.contains(&column) => ColumnRole::Value,
+            _ if quality == Some(column) => ColumnRole::Quality,
+            _ if self.unit == Some(column) => ColumnRole::Unit,
+            _ => ColumnRole::LeftOut,
+        }
+    }
+
+    /// The columns of numbers that are nothing else.
+    fn numbers_beside(&self, rows: &[Vec<String>]) -> Vec<usize> {
+        let quality = self.quality.map(|(place, _)| place);
+        let apart = [Some(self.time), Some(self.tag), quality, self.unit];
+        numbers(rows, &apart.into_iter().flatten().collect::<Vec<usize>>())
+    }
+}
+
+/// The columns of numbers, but for those that are `apart`.
+fn numbers(rows: &[Vec<String>], apart: &[usize]) -> Vec<usize> {
+    let width = rows.iter().map(Vec::len).max().unwrap_or(0);
+    let is_number = |column: &usize| {
+        let fields = rows
+            .iter()
+            .map(|row| row.get(*column).map_or("", String::as_str));
+        let filled: Vec<&str> = fields.filter(|field| !field.is_empty()).collect();
+        let mut all = filled.iter();
+        !filled.is_empty() && all.all(|field| value::number(field, None).is_some())
+    };
+    let columns = (0..width).filter(|column| !apart.contains(column));
+    columns.filter(is_number).collect()
+}
+
+/// The column that an option names, where it names one.
+fn named(titles: &[&str], option: &str, title: Option<&str>) -> Result<Option<usize>, ReadError> {
+    title.map(|title| column(titles, option, title)).transpose()
+}
+
+/// The column with the title that an option names, with its unit or without.
+fn column(titles: &[&str], option: &str, title: &str) -> Result<usize, ReadError> {
+    let names = || titles.iter().map(|title| units::name_and_unit(title).0);
+    let places = titles.iter().zip(names());
+    let place = places
+        .enumerate()
+        .find(|(_, (whole, name))| **whole == title || *name == title);
+    place.map(|(place, _)| place).ok_or_else(|| {
+        let detail = format!(
+            "there is no column `{title}`{}",
+            did_you_mean(title, names())
+        );
+        invalid(ReadingFault::of_option("unknown_column", option, detail))
+    })
+}
+
+fn missing(option: &str, what: &str) -> ReadError {
+    let detail = format!("no column {what}: say `{option}`");
+    invalid(ReadingFault::of_option("columns_missing", option, detail))
+}

@@ -1,0 +1,193 @@
+//! What the first rows of a text are: titles, units, comments and data.
+
+use super::super::table_options::{TableOptions, UnitRow};
+use super::super::{stamp, units};
+use super::fields::{is_data, line_of};
+use ::csv::ByteRecord;
+use std::collections::BTreeMap;
+
+/// A row as text, without empty fields at its end.
+pub(super) fn fields_of(record: &ByteRecord) -> Vec<String> {
+    let field = |field: &[u8]| String::from_utf8_lossy(field).trim().to_owned();
+    let mut fields: Vec<String> = record.iter().map(field).collect();
+    while fields.last().is_some_and(String::is_empty) {
+        fields.pop();
+    }
+    fields
+}
+
+/// What the first rows of a text are.
+pub(super) struct TopRows {
+    pub(super) rows: Vec<Vec<String>>,
+    /// Which fields of the rows are data.
+    are_data: Vec<Vec<bool>>,
+    width: usize,
+    /// The columns that hold data.
+    pub(super) data: Vec<usize>,
+}
+
+impl TopRows {
+    /// The rows with the columns of their table; none where no rows look like one.
+    pub(super) fn of(records: &[ByteRecord]) -> Option<TopRows> {
+        let rows: Vec<Vec<String>> = records.iter().map(fields_of).collect();
+        let is_filled_data = |field: &String| !field.is_empty() && is_data(field);
+        let flags = |row: &Vec<String>| row.iter().map(is_filled_data).collect();
+        let are_data: Vec<Vec<bool>> = rows.iter().map(flags).collect();
+        let has_data = |row: &&Vec<bool>| row.len() > 1 && row.contains(&true);
+        let mut counts: BTreeMap<usize, usize> = BTreeMap::new();
+        for row in are_data.iter().filter(has_data) {
+            *counts.entry(row.len()).or_default() += 1;
+        }
+        let (width, _) = counts.into_iter().max_by_key(|(_, count)| *count)?;
+        let of_width = |k: &usize| has_data(&&are_data[*k]) && rows[*k].len() == width;
+        let holds_data = |column: &usize| {
+            let of_width = (0..rows.len()).filter(of_width);
+            let filled: Vec<usize> = of_width.filter(|k| !rows[*k][*column].is_empty()).collect();
+            let data = filled.iter().filter(|k| are_data[**k][*column]).count();
+            data > 0 && 2 * data >= filled.len()
+        };
+        let data = (0..width).filter(holds_data).collect();
+        Some(TopRows {
+            rows,
+            are_data,
+            width,
+            data,
+        })
+    }
+
+    /// Whether a row is one of data: the first and half of the columns that hold data have some.
+    fn is_data(&self, row: usize) -> bool {
+        let has_data = |column: &&usize| self.are_data[row].get(**column) == Some(&true);
+        let filled = self.data.iter().filter(has_data).count();
+        self.data.first().as_ref().is_some_and(has_data) && 2 * filled >= self.data.len()
+    }
+
+    /// Whether a row may be that of the titles.
+    fn is_titles(&self, row: usize) -> bool {
+        let words = self.rows[row].iter().filter(|field| !field.is_empty());
+        self.rows[row].len() >= self.width
+            && 2 * words.count() >= self.width
+            && !self.are_data[row].contains(&true)
+    }
+
+    pub(super) fn is_comment(&self, row: usize) -> bool {
+        let first = self.rows[row].first();
+        first.is_some_and(|field| field.starts_with('#'))
+    }
+
+    /// The first row of data from a row on; the number of rows where there is none.
+    pub(super) fn first_data(&self, from: usize) -> usize {
+        let mut rows = from..self.rows.len();
+        rows.find(|row| self.is_data(*row))
+            .unwrap_or(self.rows.len())
+    }
+
+    /// The row of titles and that of units, as options name them or as they look, or all rows that may be that of
+    /// titles.
+    pub(super) fn named_titles(
+        &self,
+        named: &NamedRows,
+    ) -> Result<(usize, Option<usize>), Vec<usize>> {
+        if let Some(header) = named.header {
+            let below = header + 1..self.first_data(header + 1);
+            let mut below = below.filter(|k| is_units(&self.rows[*k]) && !self.is_comment(*k));
+            return Ok((header, named.units.unwrap_or_else(|| below.next_back())));
+        }
+        let first = self.first_data(0);
+        let Some(units) = named.units else {
+            return self.titles(first);
+        };
+        match self.titles(first) {
+            Ok((header, _)) if Some(header) != units => Ok((header, units)),
+            Ok(_) => {
+                let mut above = (0..first).filter(|k| Some(*k) != units && self.is_titles(*k));
+                above
+                    .next_back()
+                    .map(|header| (header, units))
+                    .ok_or_else(Vec::new)
+            }
+            Err(mut rivals) => {
+                rivals.retain(|k| Some(*k) != units);
+                match rivals[..] {
+                    [header] => Ok((header, units)),
+                    _ => Err(rivals),
+                }
+            }
+        }
+    }
+
+    /// The row of titles and that of units above the first row of data, or all rows that may be that of titles.
+    fn titles(&self, first: usize) -> Result<(usize, Option<usize>), Vec<usize>> {
+        let may_be = (0..first).map(|k| self.is_titles(k) || is_units(&self.rows[k]));
+        let may_be: Vec<bool> = may_be.collect();
+        let all = || (0..first).filter(|k| may_be[*k]);
+        let Some(last) = all().rfind(|k| !self.is_comment(*k)) else {
+            return all().next_back().map(|k| (k, None)).ok_or_else(Vec::new);
+        };
+        let block = (0..=last).rev();
+        let block = block.take_while(|k| may_be[*k] && !self.is_comment(*k));
+        let mut block: Vec<usize> = block.collect();
+        block.reverse();
+        block.dedup_by(|later, earlier| self.rows[*later] == self.rows[*earlier]);
+        let units = match block.len() {
+            1 => None,
+            _ => block.iter().rfind(|k| is_units(&self.rows[**k])).copied(),
+        };
+        block.retain(|k| Some(*k) != units);
+        match block[..] {
+            [titles] => Ok((titles, units)),
+            _ => Err(block),
+        }
+    }
+}
+
+/// The rows that options name by their lines.
+pub(super) struct NamedRows {
+    pub(super) header: Option<usize>,
+    /// The row of units, or that there is none.
+    units: Option<Option<usize>>,
+    pub(super) missing: Option<(&'static str, u64)>,
+}
+
+impl NamedRows {
+    pub(super) fn of(records: &[ByteRecord], options: &TableOptions) -> NamedRows {
+        let mut missing = None;
+        let mut row = |option, line: u64| {
+            let place = records.iter().position(|record| line_of(record) == line);
+            missing = missing.or(place.is_none().then_some((option, line)));
+            place
+        };
+        NamedRows {
+            header: options.header_row.and_then(|line| row("header_row", line)),
+            units: options.unit_row.map(|units| match units {
+                UnitRow::None => None,
+                UnitRow::Line(line) => row("unit_row", line),
+            }),
+            missing,
+        }
+    }
+}
+
+/// A unit as it stands in a row of units, without brackets; nothing for a word that names the row.
+pub(super) fn unit_of(field: &str) -> &str {
+    const NAMES: [&str; 5] = ["unit", "units", "einheit", "einheiten", "uom"];
+    let unit = field.trim_matches(['[', ']', '(', ')', ' ', ':']);
+    match NAMES.contains(&unit.to_lowercase().as_str()) {
+        true => "",
+        false => unit,
+    }
+}
+
+/// Whether most fields of a row are units.
+fn is_units(row: &[String]) -> bool {
+    let filled = || {
+        row.iter()
+            .map(|field| unit_of(field))
+            .filter(|field| !field.is_empty())
+    };
+    let is_unit = |field: &&str| units::parse(field).is_some() || stamp::is_pattern(field);
+    let is_word = |field: &str| field.contains(|c: char| c.is_alphabetic() || c == '%' || c == '°');
+    filled().any(is_word)
+        && filled().all(|field| field == "1" || !is_data(field))
+        && 2 * filled().filter(is_unit).count() >= filled().count()
+}

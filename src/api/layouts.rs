@@ -1,0 +1,62 @@
+//! How a table would be read, looked at before it is stored.
+
+use axum::extract::{Request, State};
+use axum::http::StatusCode;
+
+use super::body::Bodies;
+use super::datasets::{ReadingQuery, kind_of, reading};
+use super::error::Answer;
+use super::http_headers::json;
+use super::query::{FromQuery, Params, QueryReader};
+use greybox::intake::{self, Layout, Options};
+
+/// Bytes of a body at the most: of a text only the beginning is looked at.
+const BODY_BYTES: u64 = 1 << 20;
+
+/// What a client can do that sends more.
+const ENOUGH: &str = "send the beginning of the text alone: 64 KiB are looked at";
+
+/// How the beginning of a text is to be read.
+pub struct AskedLayout(Options);
+
+impl FromQuery for AskedLayout {
+    fn read(query: &mut QueryReader) -> Self {
+        Self(reading(query, &mut Vec::new()))
+    }
+}
+
+/// Show how a table is read.
+///
+/// The body is the beginning of a text as it would be sent to `POST /v1/datasets`, with the same
+/// options; the first 64 KiB are looked at. The answer has the first rows as they stand in the text,
+/// what each line and each column is taken for, and what would be warned of or refused. Nothing is
+/// stored. Of a text that is no table (JSON, line protocol) only the format is told.
+#[utoipa::path(
+    post, path = "/v1/layouts", operation_id = "show_layout", tag = "datasets",
+    params(ReadingQuery),
+    request_body(
+        description = "The beginning of the text",
+        content(
+            (String = "text/csv", example = "time [s],position [mm]\n0,0\n0.01,1.2\n"),
+            (String = "text/plain", example = "Zeit;Druck\ns;bar\n0;1,2\n1;1,3\n"),
+            (String = "application/json", example = "[]")
+        )
+    ),
+    responses((status = 200, description = "How the beginning is read", body = Layout))
+)]
+pub async fn show(
+    State(bodies): State<Bodies>,
+    Params(AskedLayout(mut options)): Params<AskedLayout>,
+    request: Request,
+) -> Answer {
+    let (kind, charset) = kind_of(request.headers())?;
+    if let Some(charset) = charset {
+        options.assume_encoding(&charset);
+    }
+    let received = bodies.receive(request.into_body(), BODY_BYTES).await;
+    let received = received.map_err(|problem| problem.or_instead(ENOUGH))?;
+    let layout = bodies.parse_received(received, move |text| {
+        Ok(intake::layout(text, kind, &options)?)
+    });
+    Ok(json(StatusCode::OK, &layout.await?.value))
+}
