@@ -100,8 +100,8 @@ export class LayoutPart {
 
   /** @param {import("./roles.js").Answer} answer */
   show(answer, values) {
-    const others = Object.entries(values).filter(([option]) => !LAYOUT_OPTIONS.includes(option));
-    const keyOf = (titles, units) => JSON.stringify([titles, units, others]);
+    const unrelated = Object.entries(values).filter(([option]) => !LAYOUT_OPTIONS.includes(option));
+    const keyOf = (titles, units) => JSON.stringify([titles, units, unrelated]);
     const key = keyOf(values.header_row, values.unit_row);
     if (ROLE_OPTIONS.every((option) => !values[option])) {
       this.guesses.set(key, answer);
@@ -222,7 +222,7 @@ export class LayoutPart {
     return h(
       "th",
       { scope: "col", class: roleClass(column) },
-      h("span", { class: "name" }, words(name)),
+      h("span", { class: "name" }, name),
       column.unit && h("span", { class: "unit" }, ` ${unitText(column.unit)}`),
       h(
         "select",

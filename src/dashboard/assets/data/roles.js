@@ -132,19 +132,19 @@ const isNamed = ({ columns }, k) =>
   columns[k].title !== "" && columns.findIndex(({ title }) => title === columns[k].title) === k;
 
 // Leaves the options empty that say what the server tells by itself.
-function trimmed(changes, guess) {
+function withoutGuesses(changes, guess) {
   const isTold = ([option, text]) => {
-    const told = guess ? titlesOf(guess, option) : [];
-    return option === "value" ? told.length > 0 && listText(told) === text : told[0] === text;
+    const titles = guess ? titlesOf(guess, option) : [];
+    return option === "value" ? titles.length > 0 && listText(titles) === text : titles[0] === text;
   };
   return Object.fromEntries(
     Object.entries(changes).map((change) => [change[0], isTold(change) ? "" : change[1]]),
   );
 }
 
-// Gives the options that take its role from a column before the column gets another, and null where no
-// option does.
-function withdrawn({ answer, values }, { title, name, role }, next) {
+// Gives the options that take the role from a column before the column gets the role `next`, and null where
+// no option does.
+function withdrawal({ answer, values }, { title, name, role }, next) {
   const isSaid = values[role] === title;
   if (role === "time" || role === "tag") {
     return isSaid ? { [role]: "" } : null;
@@ -165,7 +165,8 @@ function withdrawn({ answer, values }, { title, name, role }, next) {
   return {};
 }
 
-function given({ answer, values }, k, role) {
+// Gives the options that give a role to a column, and null where no option does.
+function assignment({ answer, values }, k, role) {
   const { columns } = answer;
   const { title, name } = columns[k];
   if (role === "left_out") {
@@ -195,9 +196,9 @@ export function changesOfRole(layout, k, role) {
   if (column.role === role) {
     return {};
   }
-  const before = withdrawn(layout, column, role);
-  const after = given(layout, k, role);
-  return before && after ? nothingIn(trimmed({ ...before, ...after }, layout.guess)) : null;
+  const before = withdrawal(layout, column, role);
+  const after = assignment(layout, k, role);
+  return before && after ? nothingIn(withoutGuesses({ ...before, ...after }, layout.guess)) : null;
 }
 
 const isNumber = (text) => /^[-+\d.,eE\s]+$/.test(text);
@@ -222,12 +223,12 @@ export function likelyTag({ columns, rows, faults, first_row: first }) {
  * @returns {Record<string, string>}
  */
 export function changesOfKind({ answer, values, guess }, kind) {
-  const bare = { tag: "", value: "", quality: "", format: "" };
+  const cleared = { tag: "", value: "", quality: "", format: "" };
   if (kind === "long") {
-    return guess && isLong(guess) ? bare : { ...bare, tag: likelyTag(answer) };
+    return guess && isLong(guess) ? cleared : { ...cleared, tag: likelyTag(answer) };
   }
   const isTold = guess ? isLong(guess) : !values.tag && !values.value;
-  return { ...bare, format: isTold ? "wide_csv" : "" };
+  return { ...cleared, format: isTold ? "wide_csv" : "" };
 }
 
 // Says in words where the titles, the units and the samples are.

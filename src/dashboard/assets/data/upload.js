@@ -161,6 +161,7 @@ export function uploader(view, stored) {
       const answer = await send(view, state, name.value.trim());
       outcome.show(receipt(answer));
       stored(answer.data);
+      outcome.place.scrollIntoView({ block: "nearest" });
     } catch (error) {
       outcome.fail(error);
       const options = askedFor(error.errors ?? []);
