@@ -115,7 +115,7 @@ export function uploader(view, stored) {
   const labels = Object.keys(OPTIONS).map((option) => field(option, state.fields));
   // A field that is asked for stays among the questions until another file is chosen, and so does the focus.
   const ask = (options, words) => {
-    heading.textContent = words;
+    heading.textContent = options.length ? words : "The file left this open:";
     for (const { label } of options.map((option) => state.fields.get(option))) {
       if (!questions.contains(label) && !label.contains(document.activeElement)) {
         questions.append(label);
@@ -132,7 +132,7 @@ export function uploader(view, stored) {
       // What the rows are is said at the rows themselves.
       answered: (faults) => {
         const options = askedFor(faults).filter((option) => !LAYOUT_OPTIONS.includes(option));
-        ask(options, options.length ? "The file leaves this open:" : "The file left this open:");
+        ask(options, "The file leaves this open:");
       },
     },
     view.signal,
@@ -155,22 +155,21 @@ export function uploader(view, stored) {
     if (!state.file) {
       return;
     }
+    let asked = null;
     button.disabled = true;
     outcome.show(h("p", { role: "status" }, `Uploading ${state.file.name} …`));
     try {
       const answer = await send(view, state, name.value.trim());
       outcome.show(receipt(answer));
       stored(answer.data);
-      outcome.place.scrollIntoView({ block: "nearest" });
     } catch (error) {
       outcome.fail(error);
       const options = askedFor(error.errors ?? []);
-      if (options.length) {
-        ask(options, "The file leaves this open; say it and upload again:");
-        state.fields.get(options[0]).input.focus();
-      }
+      ask(options, "The file leaves this open; say it and upload again:");
+      asked = options.length ? state.fields.get(options[0]).input : null;
     }
     button.disabled = false;
+    asked ? asked.focus() : outcome.place.scrollIntoView({ block: "nearest" });
   };
   const drop = (event) => {
     event.preventDefault();
@@ -192,6 +191,7 @@ export function uploader(view, stored) {
       button,
       chosen,
     ),
+    outcome.place,
     layout.element,
     questions,
     h("details", {}, h("summary", {}, "What the file does not say"), rest),
@@ -202,7 +202,6 @@ export function uploader(view, stored) {
       h("code", {}, "time [s],position [mm]"),
       ", an Excel workbook, Apache Parquet, or what a historian gives: PI, AVEVA, Canary, OPC UA, Cognite, InfluxDB, Ignition, Simulink, pandas. Values become SI; an empty field is a missing sample.",
     ),
-    outcome.place,
   );
   return form;
 }
