@@ -650,6 +650,14 @@ test("columns of a table of samples are named by their titles", () => {
   assert.deepEqual(rolesOf({ ...LONG_ROWS, format: "paired_csv" }, column("u", "time"))[0], "time");
 });
 
+test("a guess that the server asks about is confirmed by the option for it", () => {
+  const faults = ["header_row", "time"].map((parameter) => ({ detail: "may both be", parameter }));
+  const unclear = layoutOf({ ...WIDE_ROWS, faults });
+  assert.deepEqual(changesOfRow(unclear, 3, "titles"), { header_row: "3" });
+  assert.deepEqual(changesOfRole(unclear, 0, "time"), { time: "t" });
+  assert.deepEqual(changesOfRow(layoutOf(WIDE_ROWS), 3, "titles"), { header_row: "" });
+});
+
 test("rows with a sample of one signal need the column that names it", () => {
   const columns = LONG_ROWS.columns.map(({ title }, k) => column(title, k ? "signal" : "time"));
   const rows = [

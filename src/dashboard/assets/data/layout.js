@@ -11,6 +11,7 @@ import {
   changesOfRole,
   changesOfRow,
   isLong,
+  isOpen,
   kindOfRow,
   LAYOUT_OPTIONS,
   namedLines,
@@ -108,7 +109,7 @@ export class LayoutPart {
     }
     const guess = this.guesses.get(key);
     const layout = { answer, values, guess, rowGuess: this.guesses.get(keyOf("", "")) };
-    if (answer.rows.length === 0 || answer.columns.length === 0) {
+    if (answer.rows.length === 0) {
       this.hide();
       return;
     }
@@ -211,14 +212,16 @@ export class LayoutPart {
   headOf(layout, k) {
     const column = layout.answer.columns[k];
     if (!column) {
-      return h("th", { scope: "col" }, "Left out");
+      return h("th", { scope: "col" }, "No title");
     }
     const name = column.name || column.title || `column ${k + 1}`;
     const options = rolesOf(layout.answer, column).map((role) => {
       const changes = changesOfRole(layout, k, role);
       const text = ROLE_WORDS[role] ?? words(role);
-      return h("option", { value: role, selected: role === column.role, disabled: changes === null }, text);
+      const isSelected = role === column.role;
+      return h("option", { value: role, selected: isSelected, disabled: changes === null }, text);
     });
+    const doubt = isOpen(layout.answer, column.role) && doubted(ROLE_WORDS[column.role]);
     return h(
       "th",
       { scope: "col", class: roleClass(column) },
@@ -231,6 +234,7 @@ export class LayoutPart {
           onchange: ({ target }) => this.change(changesOfRole(layout, k, target.value)),
         },
         options,
+        doubt,
       ),
     );
   }
@@ -263,6 +267,7 @@ export class LayoutPart {
       const disabled = value !== kind && changesOfRow(layout, line, value) === null;
       return h("option", { value, selected: value === kind, disabled }, text);
     });
+    const option = { titles: "header_row", units: "unit_row" }[kind];
     return h(
       "select",
       {
@@ -270,8 +275,13 @@ export class LayoutPart {
         onchange: ({ target }) => this.change(changesOfRow(layout, line, target.value)),
       },
       options,
+      isOpen(layout.answer, option) && doubted(KIND_WORDS[kind]),
     );
   }
 }
+
+// A guess that the server asks about stands with a question mark, so that the reader can choose it.
+const doubted = (text) =>
+  h("option", { value: "", selected: true, disabled: true, hidden: true }, `${text}?`);
 
 const roleClass = (column) => (column ? column.role.replace("_", "-") : "left-out");

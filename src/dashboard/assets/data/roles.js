@@ -82,6 +82,14 @@ export function namedLines({ rows, first_row: first }) {
   return rows.slice(0, Math.max(NAMED_ROWS, data + 1)).map(({ line }) => line);
 }
 
+// Answers whether the server leaves an option to the reader, so that its guess is not enough.
+/**
+ * @param {Answer | undefined} answer
+ * @param {string | undefined} option
+ */
+export const isOpen = (answer, option) =>
+  option !== undefined && (answer?.faults ?? []).some(({ parameter }) => parameter === option);
+
 const nothingIn = (changes) => (Object.keys(changes).length ? changes : null);
 
 // Gives the options that make titles or units of a line, or neither, and null where no option says it.
@@ -95,7 +103,7 @@ export function changesOfRow({ answer, values, rowGuess }, line, kind) {
   const text = String(line);
   const isSaid = values.header_row === text;
   if (kind === "titles") {
-    const isGuess = rowGuess?.header_row === line;
+    const isGuess = rowGuess?.header_row === line && !isOpen(rowGuess, "header_row");
     return {
       header_row: isGuess ? "" : text,
       ...(values.unit_row === text ? { unit_row: "" } : {}),
@@ -104,7 +112,8 @@ export function changesOfRow({ answer, values, rowGuess }, line, kind) {
   if (answer.header_row === line && !isSaid) {
     return null;
   }
-  const isGuess = (unitRow) => rowGuess?.unit_row === unitRow && (isSaid || !values.header_row);
+  const isGuess = (unitRow) =>
+    rowGuess?.unit_row === unitRow && !isOpen(rowGuess, "unit_row") && (isSaid || !values.header_row);
   const freed = isSaid ? { header_row: "" } : {};
   if (kind === "units") {
     return { ...freed, unit_row: isGuess(line) ? "" : text };
@@ -134,7 +143,7 @@ const isNamed = ({ columns }, k) =>
 // Leaves the options empty that say what the server tells by itself.
 function withoutGuesses(changes, guess) {
   const isTold = ([option, text]) => {
-    const titles = guess ? titlesOf(guess, option) : [];
+    const titles = guess && !isOpen(guess, option) ? titlesOf(guess, option) : [];
     return option === "value" ? titles.length > 0 && listText(titles) === text : titles[0] === text;
   };
   return Object.fromEntries(
@@ -193,10 +202,10 @@ function assignment({ answer, values }, k, role) {
  */
 export function changesOfRole(layout, k, role) {
   const column = layout.answer.columns[k];
-  if (column.role === role) {
+  if (column.role === role && !isOpen(layout.answer, role)) {
     return {};
   }
-  const before = withdrawal(layout, column, role);
+  const before = column.role === role ? {} : withdrawal(layout, column, role);
   const after = assignment(layout, k, role);
   return before && after ? nothingIn(withoutGuesses({ ...before, ...after }, layout.guess)) : null;
 }
