@@ -155,7 +155,7 @@ export function uploader(view, stored) {
     if (!state.file) {
       return;
     }
-    let asked = null;
+    let openField = null;
     button.disabled = true;
     outcome.show(h("p", { role: "status" }, `Uploading ${state.file.name} …`));
     try {
@@ -166,10 +166,10 @@ export function uploader(view, stored) {
       outcome.fail(error);
       const options = askedFor(error.errors ?? []);
       ask(options, "The file leaves this open; say it and upload again:");
-      asked = options.length ? state.fields.get(options[0]).input : null;
+      openField = options.length ? state.fields.get(options[0]).input : null;
     }
     button.disabled = false;
-    asked ? asked.focus() : outcome.place.scrollIntoView({ block: "nearest" });
+    openField ? openField.focus() : outcome.place.scrollIntoView({ block: "nearest" });
   };
   const drop = (event) => {
     event.preventDefault();
