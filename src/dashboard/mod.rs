@@ -122,7 +122,7 @@ static ASSETS: LazyLock<Vec<Asset>> = LazyLock::new(|| {
 #[rustfmt::skip]
 fn embedded() -> impl IntoIterator<Item = Asset> { assets! {
     "compare": "differences.js" "jobs.js" "methods.js";
-    "data": "datasets.js" "upload.js";
+    "data": "datasets.js" "layout.js" "roles.js" "upload.js";
     "docs": "guide.css" "reference.js";
     "job": "ancestry.js" "budget.js" "contents.js" "correlation.js" "design.js" "disturbance.js" "disturbance_words.js" "effects.js"
         "feed.js" "heat.js" "job.css" "job.js" "live.js" "plain.js" "posterior.js" "profiles.js" "progress.js" "reading.js"

@@ -533,3 +533,144 @@ test("a disturbance is told in the plant's words", () => {
   const sensor = { ...memory, acts_on: { output: "position" }, unit: "m" };
   assert.match(sentence(sensor), /^The sensor of position drifts by 0.204 ± 0.021\u00a0m /);
 });
+
+const { changesOfKind, changesOfRole, changesOfRow, isText, kindOfRow, likelyTag, listText, namedLines } =
+  await part("data/roles.js");
+const { namesIn, rolesOf, sentenceOf } = await part("data/roles.js");
+
+const column = (title, role) => ({ title, name: title.replace(/ \[.*/, ""), unit: null, role });
+const NOTHING_SAID = {
+  header_row: "",
+  unit_row: "",
+  time: "",
+  tag: "",
+  value: "",
+  quality: "",
+  ignore: "",
+  format: "",
+};
+const WIDE_ROWS = {
+  format: "wide_csv",
+  delimiter: ";",
+  header_row: 3,
+  unit_row: 4,
+  first_row: 5,
+  columns: [column("t", "time"), column("PT [bar]", "signal"), column("a,b", "signal"), column("", "signal")],
+  rows: [1, 3, 4, 5, 6, 7].map((line) => ({ line, fields: [String(line), "1", "2", "3"] })),
+  warnings: [],
+  faults: [],
+};
+const LONG_ROWS = {
+  ...WIDE_ROWS,
+  format: "long_csv",
+  columns: [column("time", "time"), column("machine", "tag"), column("p", "value"), column("T", "value")],
+};
+const layoutOf = (answer, values = {}, guess = answer) => ({
+  answer,
+  values: { ...NOTHING_SAID, ...values },
+  guess,
+  rowGuess: guess,
+});
+
+test("only a text has first rows to show", () => {
+  const names = ["a.csv", "a.txt", "a", "a.csv.gz", "a.XLSX", "a.parquet", "a.json"];
+  assert.deepEqual(names.filter(isText), ["a.csv", "a.txt", "a"]);
+});
+
+test("a list of names is written so that a comma in a name does not part it", () => {
+  assert.equal(listText(["a", "b"]), "a, b");
+  assert.equal(listText(["a,b", "c"]), '["a,b","c"]');
+  for (const names of [[], ["a", "b"], ["a,b"], ["[a]", " b"]]) {
+    assert.deepEqual(namesIn(listText(names)), names);
+  }
+});
+
+test("the rows of a file are told apart by their lines", () => {
+  const kinds = WIDE_ROWS.rows.map(({ line }) => kindOfRow(WIDE_ROWS, line));
+  assert.deepEqual(kinds, ["left_out", "titles", "units", "data", "data", "data"]);
+  assert.deepEqual(namedLines(WIDE_ROWS), [1, 3, 4, 5, 6]);
+  assert.equal(kindOfRow({ ...WIDE_ROWS, header_row: null, unit_row: null, first_row: null }, 1), "data");
+  assert.equal(
+    sentenceOf(WIDE_ROWS),
+    "Read as: titles in line 3, units in line 4, samples from line 5 on; semicolons separate the columns.",
+  );
+});
+
+test("a line becomes titles or units by the options for it", () => {
+  const layout = layoutOf(WIDE_ROWS);
+  assert.deepEqual(changesOfRow(layout, 1, "titles"), { header_row: "1" });
+  assert.deepEqual(changesOfRow(layout, 5, "units"), { unit_row: "5" });
+  assert.deepEqual(changesOfRow(layout, 4, "neither"), { unit_row: "none" });
+  // No option says that a file has no titles, and titles are not units.
+  assert.equal(changesOfRow(layout, 3, "neither"), null);
+  assert.equal(changesOfRow(layout, 3, "units"), null);
+  // What the server tells by itself stays unsaid.
+  const altered = layoutOf(
+    { ...WIDE_ROWS, header_row: 1, unit_row: null, first_row: 3 },
+    { header_row: "1", unit_row: "none" },
+    WIDE_ROWS,
+  );
+  assert.deepEqual(changesOfRow(altered, 3, "titles"), { header_row: "" });
+  assert.deepEqual(changesOfRow(altered, 1, "neither"), { header_row: "" });
+  const withUnits = layoutOf(WIDE_ROWS, { unit_row: "4" });
+  assert.deepEqual(changesOfRow(withUnits, 4, "titles"), { header_row: "4", unit_row: "" });
+});
+
+test("a column of a table of signals becomes the time, or is left out by its name", () => {
+  const layout = layoutOf(WIDE_ROWS);
+  assert.deepEqual(changesOfRole(layout, 1, "time"), { time: "PT [bar]" });
+  assert.deepEqual(changesOfRole(layout, 1, "left_out"), { ignore: "PT" });
+  assert.deepEqual(changesOfRole(layoutOf(WIDE_ROWS, { ignore: "PT" }), 2, "left_out"), {
+    ignore: '["PT","a,b"]',
+  });
+  // A recording has a time, and a column without a title cannot be named.
+  assert.equal(changesOfRole(layout, 0, "signal"), null);
+  assert.equal(changesOfRole(layout, 3, "time"), null);
+  const moved = { ...WIDE_ROWS, columns: [column("t", "signal"), column("PT [bar]", "time")] };
+  const altered = layoutOf(moved, { time: "PT [bar]" }, WIDE_ROWS);
+  assert.deepEqual(changesOfRole(altered, 0, "time"), { time: "" });
+  assert.deepEqual(changesOfRole(altered, 1, "signal"), { time: "" });
+  const without = { ...WIDE_ROWS, columns: [column("t", "time"), column("PT", "left_out")] };
+  assert.deepEqual(changesOfRole(layoutOf(without, { ignore: "PT, x" }), 1, "signal"), { ignore: "x" });
+  // The server leaves a column of words out by itself.
+  assert.equal(changesOfRole(layoutOf(without), 1, "signal"), null);
+});
+
+test("columns of a table of samples are named by their titles", () => {
+  const layout = layoutOf(LONG_ROWS);
+  assert.deepEqual(changesOfRole(layout, 3, "left_out"), { value: "p" });
+  assert.deepEqual(changesOfRole(layout, 3, "quality"), { quality: "T" });
+  assert.deepEqual(changesOfRole(layout, 2, "tag"), { tag: "p" });
+  assert.equal(changesOfRole(layout, 1, "left_out"), null);
+  const without = { ...LONG_ROWS, columns: [...LONG_ROWS.columns.slice(0, 3), column("T", "left_out")] };
+  const altered = layoutOf(without, { value: "p" }, LONG_ROWS);
+  assert.deepEqual(changesOfRole(altered, 3, "value"), { value: "" });
+  assert.equal(changesOfRole(altered, 2, "left_out"), null);
+  assert.deepEqual(rolesOf(LONG_ROWS, column("u", "unit"))[0], "unit");
+  assert.deepEqual(rolesOf({ ...LONG_ROWS, format: "paired_csv" }, column("u", "time"))[0], "time");
+});
+
+test("a guess that the server asks about is confirmed by the option for it", () => {
+  const faults = ["header_row", "time"].map((parameter) => ({ detail: "may both be", parameter }));
+  const unclear = layoutOf({ ...WIDE_ROWS, faults });
+  assert.deepEqual(changesOfRow(unclear, 3, "titles"), { header_row: "3" });
+  assert.deepEqual(changesOfRole(unclear, 0, "time"), { time: "t" });
+  assert.deepEqual(changesOfRow(layoutOf(WIDE_ROWS), 3, "titles"), { header_row: "" });
+});
+
+test("rows with a sample of one signal need the column that names it", () => {
+  const columns = LONG_ROWS.columns.map(({ title }, k) => column(title, k ? "signal" : "time"));
+  const rows = [
+    { line: 5, fields: ["0", "press 1", "1", "2"] },
+    { line: 6, fields: ["0", "press 2", "1", "2"] },
+  ];
+  const wide = { ...LONG_ROWS, format: "wide_csv", columns, rows };
+  assert.equal(likelyTag(wide), "machine");
+  const faults = [{ detail: "rows of one time differ by `T`", parameter: "tag" }];
+  assert.equal(likelyTag({ ...wide, faults }), "T");
+  const cleared = { tag: "", value: "", quality: "", format: "" };
+  assert.deepEqual(changesOfKind(layoutOf(wide), "long"), { ...cleared, tag: "machine" });
+  assert.deepEqual(changesOfKind(layoutOf(LONG_ROWS, { tag: "machine" }, wide), "wide"), cleared);
+  assert.deepEqual(changesOfKind(layoutOf(LONG_ROWS), "wide"), { ...cleared, format: "wide_csv" });
+  assert.deepEqual(changesOfKind(layoutOf(wide, { format: "wide_csv" }, LONG_ROWS), "long"), cleared);
+});

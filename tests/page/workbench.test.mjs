@@ -5,23 +5,30 @@
 // The variables that name the server and the browser are described in server.mjs and browser.mjs.
 
 import assert from "node:assert/strict";
+import fs from "node:fs";
+import os from "node:os";
+import path from "node:path";
 import { after, before, test } from "node:test";
 import { launch, open, PATIENCE, picture, SIZES, says, specification, text, tools } from "./browser.mjs";
 import { base, ended, JOB, post, recording } from "./server.mjs";
 
 const skip = base && tools ? false : "GREYBOX_URL and PAGE_TOOLS are not set";
-const shared = { browser: null, csv: "", dataset: null };
+const shared = { browser: null, csv: "", dataset: null, folder: "" };
 
 before(async () => {
   if (skip) {
     return;
   }
   Object.assign(shared, await launch());
+  shared.folder = fs.mkdtempSync(path.join(os.tmpdir(), "page-"));
   shared.csv = await recording();
   shared.dataset = (await post("/v1/datasets?name=workbench", shared.csv, "text/csv")).id;
 });
 
-after(() => shared.browser?.close());
+after(async () => {
+  await shared.browser?.close();
+  shared.folder && fs.rmSync(shared.folder, { recursive: true });
+});
 
 const api = async (address) => (await fetch(base + address)).json();
 
@@ -521,6 +528,88 @@ test("a recording shows its time of day, its units and its gaps", { skip }, asyn
   await page.keyboard.press("Home");
   assert.match(await text(page, ".readout"), /2026-03-29 \d\d:30:00\.000 · oven 20/);
   await picture(page, "dataset-clock");
+  assert.deepEqual(page.faults, []);
+  await page.close();
+});
+
+// Chooses a text as a file, as a person does.
+async function chooseText(page, name, content) {
+  const file = path.join(shared.folder, name);
+  fs.writeFileSync(file, content);
+  await (await page.waitForSelector("input[type=file]", PATIENCE)).uploadFile(file);
+}
+
+// Waits until a table shows what each row and each column is.
+const reads = (page, rows, roles) =>
+  page.waitForFunction(
+    (rows, roles) => {
+      const chosen = (cell) => cell.querySelector("select")?.selectedOptions[0].text;
+      const shown = (cells) => JSON.stringify([...document.querySelectorAll(cells)].map(chosen));
+      return (
+        shown(".first-rows tbody th:has(select)") === rows && shown(".first-rows thead th + th") === roles
+      );
+    },
+    PATIENCE,
+    JSON.stringify(rows),
+    JSON.stringify(roles),
+  );
+
+const fieldOf = (page, title) =>
+  page.$eval(`::-p-xpath(//label[contains(., '${title}')]/input)`, (input) => input.value);
+
+test("the first rows of a file show how the server reads them, and are read as is chosen", {
+  skip,
+}, async () => {
+  const page = await open("/#/datasets");
+  // A file that no run of the tests has sent before is stored anew.
+  const comments = `# exported by the rig\n# run ${Date.now()}\n`;
+  await chooseText(page, "rig.csv", `${comments}t,PT,TT\ns,bar,degC\n0,1.2,20\n1,1.3,21\n2,1.4,22\n`);
+  const kinds = ["left out", "left out", "titles", "units", "data"];
+  await reads(page, kinds, ["Time", "Signal", "Signal"]);
+  // Nothing is said of a file that nobody changed.
+  for (const title of ["Line of the titles", "Line of the units", "Column of the time", "Signals to leave"]) {
+    assert.equal(await fieldOf(page, title), "", title);
+  }
+  await picture(page, "upload-rows");
+  await page.select("select[aria-label^='Role of column 3']", "left_out");
+  await reads(page, kinds, ["Time", "Signal", "Left out"]);
+  assert.equal(await fieldOf(page, "Signals to leave"), "TT");
+  await page.click(".drop button[type=submit]");
+  await says(page, "Stored: ");
+  const [dataset] = (await api("/v1/datasets?limit=1")).items;
+  assert.deepEqual(
+    dataset.signals.map(({ name, min }) => [name, min]),
+    [["PT", 1.2e5]],
+  );
+  assert.deepEqual(page.faults, []);
+  await page.close();
+});
+
+test("rows of several machines become signals once the page says which column names them", {
+  skip,
+}, async () => {
+  const page = await open("/#/datasets");
+  const times = [0, 1, 2, 3];
+  const rows = times.flatMap((time) => [`${time},north,${5 + time},20`, `${time},south,${7 + time},21`]);
+  await chooseText(page, "machines.csv", `time,machine,p,T\n${rows.join("\n")}\n`);
+  await page.waitForSelector("::-p-xpath(//*[@class='first-rows']//li[contains(., 'machine')])", PATIENCE);
+  await page.select("::-p-xpath(//label[contains(., 'Each row holds')]/select)", "long");
+  await reads(
+    page,
+    ["titles", "data", "data", "data", "data"],
+    ["Time", "Tag (name of the signal)", "Value", "Value"],
+  );
+  assert.equal(await fieldOf(page, "Column that names the signal"), "machine");
+  assert.equal(await page.$(".first-rows li"), null);
+  await page.evaluate(shared.checker);
+  const { violations } = await page.evaluate(() => globalThis.axe.run());
+  assert.deepEqual(
+    violations.map(({ id, nodes }) => `${id}: ${nodes[0].html}`),
+    [],
+  );
+  await page.click("::-p-text(Back to what the file tells)");
+  await page.waitForSelector(".first-rows li", PATIENCE);
+  assert.equal(await fieldOf(page, "Column that names the signal"), "");
   assert.deepEqual(page.faults, []);
   await page.close();
 });

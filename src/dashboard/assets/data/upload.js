@@ -1,12 +1,14 @@
 // @ts-check
 // The form sends a recording to the server, in any format that the server takes. The server asks for
 // what it cannot know (the zone, the order of a date, a unit), and the form puts the question beside
-// the file.
+// the file. The first rows of a text are shown as the server reads them.
 
 import { query, request } from "../shell/api.js";
 import { described, namesOfParameter } from "../shell/description.js";
 import { h, notice, warningList } from "../shell/dom.js";
 import { count, duration, words } from "../shell/format.js";
+import { LayoutPart } from "./layout.js";
+import { isText, LAYOUT_OPTIONS } from "./roles.js";
 
 // Each option tells the server something about a file; it has a title and either a hint or a list of
 // choices. The server says which choices the options of NAMED have.
@@ -32,7 +34,12 @@ const OPTIONS = {
       ["ticks", ".NET ticks"],
     ],
   },
+  header_row: { title: "Line of the titles", hint: "told from the file" },
+  unit_row: { title: "Line of the units", hint: "a line, or none" },
   time: { title: "Column of the time", hint: "first column" },
+  tag: { title: "Column that names the signal" },
+  value: { title: "Columns of values", hint: "name, name" },
+  quality: { title: "Column of the quality" },
   decimal: {
     title: "Decimal sign",
     choices: [
@@ -88,8 +95,10 @@ export function uploader(view, stored) {
   const state = { file: null, fields: new Map() };
   const file = h("input", { type: "file", onchange: () => choose(file.files[0]) });
   const name = h("input", { type: "text", maxlength: "200", placeholder: "name of the file" });
-  const questions = h("div", { class: "fields" });
-  const rest = h("div", { class: "fields" });
+  const heading = h("strong", {});
+  const change = () => layout.soon();
+  const questions = h("div", { class: "fields", onchange: change, hidden: true });
+  const rest = h("div", { class: "fields", onchange: change });
   const chosen = h("span", { class: "quiet" });
   const button = h("button", { type: "submit", class: "primary", disabled: true }, "Upload");
 
@@ -97,16 +106,39 @@ export function uploader(view, stored) {
     state.file = choice ?? null;
     button.disabled = !state.file;
     chosen.textContent = state.file ? `${state.file.name}, ${count(state.file.size)} bytes` : "";
-    questions.replaceChildren();
+    rest.append(...labels);
+    questions.hidden = true;
     outcome.clear();
+    const isShown = state.file && isText(state.file.name);
+    layout.choose(isShown ? state.file : null, mediaType(state.file?.name ?? ""));
   };
-  const ask = (option, place) => {
-    const label = state.fields.get(option)?.label ?? field(option, state.fields);
-    place.append(label);
+  const labels = Object.keys(OPTIONS).map((option) => field(option, state.fields));
+  // A field that is asked for stays among the questions until another file is chosen, and so does the focus.
+  const ask = (options, words) => {
+    heading.textContent = options.length ? words : "The file left this open:";
+    for (const { label } of options.map((option) => state.fields.get(option))) {
+      if (!questions.contains(label) && !label.contains(document.activeElement)) {
+        questions.append(label);
+      }
+    }
+    questions.hidden = !questions.querySelector("label");
   };
-  for (const option of Object.keys(OPTIONS)) {
-    ask(option, rest);
-  }
+  const layout = new LayoutPart(
+    {
+      values: () => valuesOf(state.fields),
+      put: (option, text) => {
+        state.fields.get(option).input.value = text;
+      },
+      // What the rows are is said at the rows themselves.
+      answered: (faults) => {
+        const options = askedFor(faults).filter((option) => !LAYOUT_OPTIONS.includes(option));
+        ask(options, "The file leaves this open:");
+      },
+    },
+    view.signal,
+  );
+  questions.append(h("p", {}, heading));
+  rest.append(...labels);
   described().then(
     (description) => {
       for (const option of NAMED) {
@@ -123,6 +155,7 @@ export function uploader(view, stored) {
     if (!state.file) {
       return;
     }
+    let openField = null;
     button.disabled = true;
     outcome.show(h("p", { role: "status" }, `Uploading ${state.file.name} …`));
     try {
@@ -132,17 +165,11 @@ export function uploader(view, stored) {
     } catch (error) {
       outcome.fail(error);
       const options = askedFor(error.errors ?? []);
-      if (options.length) {
-        questions.replaceChildren(
-          h("p", {}, h("strong", {}, "The file leaves this open; say it and upload again:")),
-        );
-        for (const option of options) {
-          ask(option, questions);
-        }
-        questions.querySelector("input, select")?.focus();
-      }
+      ask(options, "The file leaves this open; say it and upload again:");
+      openField = options.length ? state.fields.get(options[0]).input : null;
     }
     button.disabled = false;
+    openField ? openField.focus() : outcome.place.scrollIntoView({ block: "nearest" });
   };
   const drop = (event) => {
     event.preventDefault();
@@ -164,6 +191,8 @@ export function uploader(view, stored) {
       button,
       chosen,
     ),
+    outcome.place,
+    layout.element,
     questions,
     h("details", {}, h("summary", {}, "What the file does not say"), rest),
     h(
@@ -173,7 +202,6 @@ export function uploader(view, stored) {
       h("code", {}, "time [s],position [mm]"),
       ", an Excel workbook, Apache Parquet, or what a historian gives: PI, AVEVA, Canary, OPC UA, Cognite, InfluxDB, Ignition, Simulink, pandas. Values become SI; an empty field is a missing sample.",
     ),
-    outcome.place,
   );
   return form;
 }
@@ -200,9 +228,12 @@ function field(option, fields) {
   return label;
 }
 
+const valuesOf = (fields) =>
+  Object.fromEntries([...fields].map(([option, { input }]) => [option, input.value.trim()]));
+
 function send(view, { file, fields }, name) {
   const json = mediaType(file.name) === "application/json";
-  const values = Object.fromEntries([...fields].map(([option, { input }]) => [option, input.value.trim()]));
+  const values = valuesOf(fields);
   const label = name || file.name.replace(/(\.[a-z0-9]+)+$/i, "") || file.name;
   return request(
     "POST",
