@@ -245,7 +245,7 @@ impl Problem {
         Self::new(Kind::TooLarge, detail)
     }
 
-    /// The same problem; where a body is too large, with what the client can do instead.
+    /// Adds what the client can do instead, where a body is too large.
     pub fn or_instead(mut self, remedy: &str) -> Self {
         if self.kind == Kind::TooLarge {
             self.detail = format!("{}; {remedy}", self.detail);

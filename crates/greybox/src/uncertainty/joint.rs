@@ -140,7 +140,7 @@ impl Joint {
         })
     }
 
-    /// The same for an estimate that lies so far, positions, from the one with all declared values.
+    /// Notes how far, in positions, the estimate lies from the one with all declared values.
     #[must_use]
     pub fn moved(self, moved: Option<Vec<f64>>) -> Joint {
         Joint { moved, ..self }
@@ -240,21 +240,33 @@ impl Joint {
     /// Where the residuals would have the assumptions elsewhere than they were taken, that counts too.
     fn added(&self, unknown: usize) -> Option<DVector<f64>> {
         let moves = self.moves(unknown)?;
-        let spread = &self.posterior * &moves;
-        let shift = moves.dot(&self.middle);
-        let told = moves.component_mul(&(spread + &self.middle * shift));
-        if !self.is_contradicted() {
-            return Some(told);
+        if self.holds_contradicted(&moves) {
+            return Some(moves.component_mul(&moves));
         }
-        let Some(moved) = &self.moved else {
-            let declared = moves.component_mul(&moves);
-            let is_wider = declared.sum() > told.sum();
-            return Some(if is_wider { declared } else { told });
+        let told = self.told(&moves);
+        let Some(moved) = self.moved.as_ref().filter(|_| self.is_contradicted()) else {
+            return Some(told);
         };
         // Each assumption has the part of the distance that it makes in the linear model.
         let parts = moves.component_mul(&self.off).abs();
         let whole = parts.sum().max(f64::MIN_POSITIVE);
         Some(told + parts * (moved[unknown].powi(2) / whole))
+    }
+
+    /// What each assumption adds to the mean square of an error by what data and tolerances leave of it, and by where
+    /// they put it.
+    fn told(&self, moves: &DVector<f64>) -> DVector<f64> {
+        let spread = &self.posterior * moves;
+        let shift = moves.dot(&self.middle);
+        moves.component_mul(&(spread + &self.middle * shift))
+    }
+
+    /// Whether the estimate holds declared values that the residuals contradict, and whole tolerances make its error
+    /// larger than data and tolerances together.
+    fn holds_contradicted(&self, moves: &DVector<f64>) -> bool {
+        self.moved.is_none()
+            && self.is_contradicted()
+            && moves.norm_squared() > self.told(moves).sum()
     }
 
     /// What an assumption contributes to an unknown: the root mean square of its own error, and what it adds to the
@@ -277,9 +289,14 @@ impl Joint {
         assumption: usize,
         factor: f64,
     ) -> Option<f64> {
+        let total = self.total(unknown, noise)?;
+        let moves = self.moves(unknown)?;
+        if self.holds_contradicted(&moves) {
+            return Some(total - (1.0 - factor * factor) * moves[assumption].powi(2));
+        }
         let now = self.total_if(unknown, noise, assumption, 1.0)?;
         let then = self.total_if(unknown, noise, assumption, factor)?;
-        Some((self.total(unknown, noise)? - (now - then)).max(then))
+        Some((total - (now - then)).max(then))
     }
 
     /// What the mean square of an unknown's error would be, were the tolerance of an assumption

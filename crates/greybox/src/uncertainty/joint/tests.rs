@@ -164,6 +164,30 @@ fn a_contradicted_estimate_that_was_moved_errs_by_its_distance_from_the_declared
 }
 
 #[test]
+fn a_contradicted_estimate_that_holds_declared_values_errs_by_whole_tolerances() {
+    // The data see the first assumption far better than its tolerance, and contradict it.
+    let (s, p) = (matrix(&S), matrix(&P) * 20.0);
+    let mut triangle = Triangle::new(4);
+    triangle.push(&DMatrix::from_fn(6, 5, |row, column| match column {
+        0 | 1 => s[(row, column)],
+        2 | 3 => p[(row, column - 2)],
+        _ => R[row] + 0.3 * p[(row, 0)],
+    }));
+    let held = Joint::new(&triangle, &triangle, &[0.0; 2]).unwrap();
+    assert!(held.contradicts(0));
+    for unknown in 0..2 {
+        let by = [0, 1].map(|assumption| held.move_by(unknown, assumption).unwrap().powi(2));
+        let total = held.total(unknown, 1.0).unwrap();
+        assert!(
+            (total / (1.0 + by[0] + by[1]) - 1.0).abs() < 1e-10,
+            "{total} {by:?}"
+        );
+        let better = held.total_with(unknown, 1.0, 0, 0.2).unwrap();
+        assert!((total - better - 0.96 * by[0]).abs() < 1e-10 * total);
+    }
+}
+
+#[test]
 fn a_tolerance_of_nothing_takes_its_assumption_out_of_the_total() {
     let (joint, (_, alone)) = (joint(1.0), closed_form(1.0));
     let noise = alone[(1, 1)];

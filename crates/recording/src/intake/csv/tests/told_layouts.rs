@@ -98,14 +98,15 @@ fn columns_of_a_list_of_samples_are_called_what_options_say() {
     );
     assert_eq!(recording.signal("B").unwrap().missing(), 6);
     for (option, title) in [("tag", "Orte"), ("value", "Wert"), ("quality", "Güte")] {
-        let said = [("tag", "Ort"), ("value", "Wert 1"), ("quality", "Gte")];
-        let said = said.map(|(name, column)| (name, if name == option { title } else { column }));
+        let columns = [("tag", "Ort"), ("value", "Wert 1"), ("quality", "Gte")];
+        let columns =
+            columns.map(|(name, column)| (name, if name == option { title } else { column }));
         let unknown = ("unknown_column", Some(option.to_owned()));
-        assert_eq!(faults(&text, &said), [unknown]);
+        assert_eq!(faults(&text, &columns), [unknown]);
     }
-    let said = [("tag", "geschrieben"), ("value", "Wert 1")];
+    let columns = [("tag", "geschrieben"), ("value", "Wert 1")];
     let both = ("columns_missing", Some("time".to_owned()));
-    assert_eq!(faults(&text, &said), [both]);
+    assert_eq!(faults(&text, &columns), [both]);
 }
 
 #[test]
