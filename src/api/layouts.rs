@@ -3,12 +3,12 @@
 use axum::extract::{Request, State};
 use axum::http::StatusCode;
 
-use super::body::Bodies;
+use super::body::{Bodies, unsupported};
 use super::datasets::{ReadingQuery, kind_of, reading};
 use super::error::Answer;
 use super::http_headers::json;
 use super::query::{FromQuery, Params, QueryReader};
-use greybox::intake::{self, Layout, Options};
+use greybox::intake::{self, Layout, MediaKind, Options};
 
 /// Bytes of a body at the most: of a text only the beginning is looked at.
 const BODY_BYTES: u64 = 1 << 20;
@@ -30,7 +30,7 @@ impl FromQuery for AskedLayout {
 /// The body is the beginning of a text as it would be sent to `POST /v1/datasets`, with the same
 /// options; the first 64 KiB are looked at. The answer has the first rows as they stand in the text,
 /// what each line and each column is taken for, and what would be warned of or refused. Nothing is
-/// stored. Of a text that is no table (JSON, line protocol) only the format is told.
+/// stored. Of a text that is no table, such as line protocol, only the format is told.
 #[utoipa::path(
     post, path = "/v1/layouts", operation_id = "show_layout", tag = "datasets",
     params(ReadingQuery),
@@ -38,8 +38,7 @@ impl FromQuery for AskedLayout {
         description = "The beginning of the text",
         content(
             (String = "text/csv", example = "time [s],position [mm]\n0,0\n0.01,1.2\n"),
-            (String = "text/plain", example = "Zeit;Druck\ns;bar\n0;1,2\n1;1,3\n"),
-            (String = "application/json", example = "[]")
+            (String = "text/plain", example = "Zeit;Druck\ns;bar\n0;1,2\n1;1,3\n")
         )
     ),
     responses((status = 200, description = "How the beginning is read", body = Layout))
@@ -50,6 +49,9 @@ pub async fn show(
     request: Request,
 ) -> Answer {
     let (kind, charset) = kind_of(request.headers())?;
+    if !matches!(kind, MediaKind::Csv | MediaKind::Text) {
+        return Err(unsupported(request.headers(), "text/csv and text/plain"));
+    }
     if let Some(charset) = charset {
         options.assume_encoding(&charset);
     }

@@ -316,8 +316,8 @@ mod tests {
             }
         }
         assert_eq!(
-            n_bodies, 24,
-            "three forms of a recording, of its layout and of a batch, two of a model, a simulation, a design, a selection, \
+            n_bodies, 23,
+            "three forms of a recording and of a batch, two of a layout, two of a model, a simulation, a design, a selection, \
              a job, a comparison, a part of a stream, a monitor and its move, a webhook, a token, \
              a mapping and the lines of two protocols"
         );

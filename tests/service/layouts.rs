@@ -49,15 +49,16 @@ async fn a_layout_that_is_in_doubt_is_shown_said_and_then_stored() {
 #[tokio::test(flavor = "multi_thread")]
 async fn what_is_no_table_of_text_is_told_and_too_much_is_refused() {
     let app = TestApp::start().await;
-    let json = app
-        .post_json("/v1/layouts", &json!([]))
-        .await
-        .expect(200)
-        .json();
+    let lines = app.post_csv(
+        "/v1/layouts?format=influx_line_protocol",
+        "rig p=1 1465839830100400200\n",
+    );
+    let lines = lines.await.expect(200).json();
     assert_eq!(
-        (&json["delimiter"], &json["columns"]),
+        (&lines["delimiter"], &lines["columns"]),
         (&json!(null), &json!([]))
     );
+    app.post_json("/v1/layouts", &json!([])).await.expect(415);
     app.post_csv("/v1/layouts", "PK\u{3}\u{4} a workbook")
         .await
         .expect(415);
