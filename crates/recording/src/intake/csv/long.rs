@@ -13,6 +13,7 @@ use super::long_columns::LongColumns;
 use super::rows::{TableRows, is_empty, read_row};
 use crate::ReceivedRecording;
 use ::csv::ByteRecord;
+use std::borrow::Cow;
 use std::io::Read;
 
 /// Reads all rows.
@@ -69,8 +70,8 @@ fn push(tags: &mut Tags<'_>, places: &RowPlaces, record: &ByteRecord) -> Result<
     for (column, title) in values {
         let (part, unit) = title.as_deref().map_or(("", ""), units::name_and_unit);
         let name = match part {
-            "" => field(columns.tag).to_owned(),
-            part => format!("{}.{part}", field(columns.tag)),
+            "" => Cow::Borrowed(field(columns.tag)),
+            part => Cow::Owned(format!("{}.{part}", field(columns.tag))),
         };
         let place = |code, detail: String| ReadingFault::at_line(code, line, Some(&name), detail);
         let Some(tag) = tags.tag(&name, &place) else {
@@ -80,7 +81,9 @@ fn push(tags: &mut Tags<'_>, places: &RowPlaces, record: &ByteRecord) -> Result<
             Some(place) => field(place),
             None => unit,
         };
-        tags.describe(tag, Some(unit), None, &place);
+        if !unit.is_empty() {
+            tags.describe(tag, Some(unit), None, &place);
+        }
         let sample = RawSample {
             tag,
             time: Cell::Text(field(columns.time)),
