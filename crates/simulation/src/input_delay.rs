@@ -10,7 +10,7 @@ use greybox_numerics::lanes::Real;
 use std::collections::VecDeque;
 
 /// Instants closer together than this share of the time between two samples are one.
-const SAME: f64 = 1e-9;
+pub const SAME: f64 = 1e-9;
 
 /// No delay is longer than so many samples.
 const LONGEST: usize = 100_000;

@@ -9,7 +9,7 @@
 use super::loss::Loss;
 use super::prior::Prior;
 use super::problem::{Coordinate, Experiment, Innovations, Problem, Target};
-use greybox_simulation::filter::{FilterLayout, LayoutFault, StartVariance};
+use greybox_simulation::filter::{ControllerLayout, FilterLayout, LayoutFault, StartVariance};
 use greybox_simulation::model::{ModelDescription, Scale};
 use greybox_simulation::program::{ActsOn, Disturbance, DisturbanceKind};
 use std::sync::Arc;
@@ -119,6 +119,8 @@ impl ProcessNoise {
 pub struct FilteredRecord {
     /// How well each state is known at the first sample.
     pub starts: Vec<StartVariance>,
+    /// The controller that the model computes from its states once a sample.
+    pub controller: Option<ControllerLayout>,
     /// How many inputs the model reads.
     pub n_inputs: usize,
     /// The longest step of the covariance `[s]`.
@@ -135,6 +137,7 @@ pub fn layout(disturbances: &[ProcessNoise], record: FilteredRecord) -> FilterLa
             .map(ProcessNoise::typical_size)
             .collect(),
         starts: record.starts,
+        controller: record.controller,
         n_inputs: record.n_inputs,
         longest_step: record.longest_step,
         is_traced: false,
@@ -232,6 +235,7 @@ pub(super) fn layout_of(problem: &Problem, noise: &NoiseModel) -> Result<FilterL
     }
     let record = FilteredRecord {
         starts: starts(problem),
+        controller: controller(problem).map_err(NoiseFault::Model)?,
         n_inputs: problem.model.description().inputs.len(),
         longest_step: longest_step(problem, noise.steps),
     };
@@ -338,6 +342,20 @@ fn starts(problem: &Problem) -> Vec<StartVariance> {
             false => StartVariance::Known(0.0),
         })
         .collect()
+}
+
+/// The controller within the model; the samples of all experiments must suit it.
+fn controller(problem: &Problem) -> Result<Option<ControllerLayout>, LayoutFault> {
+    let mut controllers = Vec::new();
+    for data in problem.experiments.iter() {
+        let sample_time = data.instants.is_none().then_some(data.sample_time);
+        controllers.push(problem.model.controller(sample_time)?);
+    }
+    match controllers.as_slice() {
+        [] => Ok(None),
+        [first, others @ ..] if others.iter().all(|controller| controller == first) => Ok(*first),
+        _ => Err(LayoutFault::UnevenSamples),
+    }
 }
 
 fn longest_step(problem: &Problem, steps: u32) -> f64 {

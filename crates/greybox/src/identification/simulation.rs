@@ -165,13 +165,18 @@ impl Run {
         stop: &AtomicBool,
     ) -> Option<Result<SimulatedRecord, Vec<Fault>>> {
         let description = model.description();
-        let filtered = FilteredRecord {
-            starts: vec![StartVariance::Known(0.0); description.states.len()],
-            n_inputs: self.inputs.len(),
-            longest_step: self.data.sample_time / COVARIANCE_STEPS,
-        };
-        let layout = process_noise::layout(&noise.disturbances, filtered);
-        let filter = match model.filtered(&layout) {
+        let sample_time = self.data.sample_time;
+        let filter = model.controller(self.data.instants.is_none().then_some(sample_time));
+        let filter = filter.and_then(|controller| {
+            let filtered = FilteredRecord {
+                starts: vec![StartVariance::Known(0.0); description.states.len()],
+                controller,
+                n_inputs: self.inputs.len(),
+                longest_step: sample_time / COVARIANCE_STEPS,
+            };
+            model.filtered(&process_noise::layout(&noise.disturbances, filtered))
+        });
+        let filter = match filter {
             Ok(filter) => filter,
             Err(fault) => {
                 let fault = Fault::new("/process_noise", "filter_not_possible", fault.to_string());

@@ -1,5 +1,6 @@
 //! One block of candidates whose means and covariances go through a record side by side.
 
+use super::controller::SampledController;
 use super::covariance::StateCovariance;
 use super::layout::FilterLayout;
 use super::start::StartVariance;
@@ -35,6 +36,7 @@ pub struct FilterBlock<'a> {
     /// The variance of each output's sensor.
     sensors: Vec<Lanes>,
     covariance: StateCovariance,
+    controller: Option<SampledController>,
     transition: StepCovariance,
     step: CovarianceStep,
     /// ∂rate/∂state over all states.
@@ -117,22 +119,27 @@ impl<'a> FilterBlock<'a> {
         let n_outputs = program.n_outputs();
         let first_sensor = layout.first_sensor(n_model_parameters);
         let sensors = (0..n_outputs).map(|output| parameter(first_sensor + output));
-        let n_states = n_model_states + noises.len();
+        let first_of_controller = layout.first_of_controller();
+        let n_states = layout.n_states();
         let is_white = |state: &usize| {
             let noise = state
                 .checked_sub(n_model_states)
-                .map(|index| &noises[index]);
+                .and_then(|index| noises.get(index));
             noise.is_some_and(|noise| noise.kind == DisturbanceKind::White)
         };
         // A smoother follows white noise too.
         let is_moved = |state: &usize| layout.is_traced || !is_white(state);
         let moved: Vec<usize> = (0..n_states).filter(is_moved).collect();
+        let n_moving = moved
+            .iter()
+            .filter(|state| **state < first_of_controller)
+            .count();
         let starts: Vec<Vec<Option<f64>>> = members
             .iter()
             .map(|member| {
-                let disturbances = noises.iter().map(|_| None);
+                let others = (n_model_states..n_states).map(|_| None);
                 let model = member.initial_state.iter().copied();
-                model.chain(disturbances).collect()
+                model.chain(others).collect()
             })
             .collect();
         let members: Vec<SimulatedCandidate<'_>> = members
@@ -148,11 +155,17 @@ impl<'a> FilterBlock<'a> {
             in_step,
         };
         let zero = Lanes::splat(0.0);
+        let block = SimulationBlock::new(program, excitation, candidates, Width::widest());
+        let controller = layout.controller.map(|controller| {
+            let before = block.equations.sampled().to_vec();
+            SampledController::new(controller, first_of_controller, before)
+        });
         FilterBlock {
-            block: SimulationBlock::new(program, excitation, candidates, Width::widest()),
+            block,
+            controller,
             layout,
             sensors: sensors.map(|sensor| sensor * sensor).collect(),
-            transition: StepCovariance::new(moved.len()),
+            transition: StepCovariance::new(moved.len(), n_moving),
             step: CovarianceStep::new(moved.len()),
             covariance: StateCovariance::new(moved),
             noises,
@@ -179,9 +192,17 @@ impl<'a> FilterBlock<'a> {
             }
             let interval = self.block.excitation.interval(self.block.sample);
             let stretches = self.block.hold(interval);
+            let sample = self.block.sample;
+            if self
+                .controller
+                .as_ref()
+                .is_some_and(|controller| controller.acts_at_once(sample))
+            {
+                self.run_controller();
+            }
             self.block
                 .write_outputs(stretches.as_deref(), &mut self.row);
-            if self.block.sample == 0 {
+            if sample == 0 {
                 self.begin();
             }
             self.correct(outputs);
@@ -189,7 +210,7 @@ impl<'a> FilterBlock<'a> {
             if interval > 0.0 {
                 self.go_on(stretches.as_deref(), interval, stop)?;
             }
-            self.trace_interval(outputs);
+            self.end_interval(outputs);
             self.block.sample += 1;
         }
         Some(())
@@ -221,12 +242,36 @@ impl<'a> FilterBlock<'a> {
             let given = match starts.get(state) {
                 Some(StartVariance::Known(variance)) => Some(Lanes::splat(*variance)),
                 Some(StartVariance::OneInterval) => None,
-                None => Some(self.noises[state - starts.len()].start),
+                None => {
+                    let noise = self.noises.get(state - starts.len());
+                    Some(noise.map_or(Lanes::splat(0.0), |noise| noise.start))
+                }
             };
             if let Some(variance) = given {
                 self.covariance.matrix[row * (n + 1)] = variance;
             }
         }
+    }
+
+    /// Computes what the controller makes of the states as they stand.
+    #[inline(always)]
+    fn run_controller(&mut self) {
+        let Some(controller) = &mut self.controller else {
+            return;
+        };
+        let SimulationBlock {
+            equations,
+            integrator,
+            sample,
+            ..
+        } = &mut self.block;
+        let states = &mut integrator.states;
+        if *sample == 0 {
+            controller.begin(states);
+        }
+        equations.sample_again(states);
+        equations.sampled_jacobian(&mut controller.by_state);
+        controller.put(equations.sampled(), *sample, states);
     }
 
     /// Says what is expected of each output, and lets what was measured correct the states.
@@ -240,6 +285,10 @@ impl<'a> FilterBlock<'a> {
             ..
         } = &mut self.block;
         equations.output_jacobian(&integrator.states, &self.row, &mut self.by_state);
+        let controller = self.controller.as_ref();
+        if let Some(controller) = controller.filter(|controller| controller.acts_at_once(*sample)) {
+            controller.follow(*sample, &mut self.by_state);
+        }
         self.covariance.begin_sample();
         let n_states = integrator.states.len();
         let trace = self.crossed.is_some().then_some(TraceLayout {
@@ -272,16 +321,29 @@ impl<'a> FilterBlock<'a> {
         }
     }
 
-    /// Where the filter is traced, an interval begins with Φ = I.
+    /// What the controller computes at the sample follows from the corrected states. Where the filter is traced,
+    /// an interval begins with Φ = I.
+    #[inline(always)]
     fn begin_interval(&mut self) {
         let n = self.covariance.states.len();
         for (index, value) in self.crossed.iter_mut().flatten().enumerate() {
             *value = Lanes::splat(if index % (n + 1) == 0 { 1.0 } else { 0.0 });
         }
+        self.run_controller();
+        if let Some(controller) = &self.controller {
+            let sample = self.block.sample;
+            controller.spread(sample, &mut self.covariance, self.crossed.as_mut());
+        }
     }
 
-    /// Where the filter is traced, Φ over the interval is answered with the sample before it.
-    fn trace_interval(&self, outputs: &mut [Lanes]) {
+    /// What the controller has computed moves on. Where the filter is traced, Φ over the interval is answered
+    /// with the sample before it.
+    #[inline(always)]
+    fn end_interval(&mut self, outputs: &mut [Lanes]) {
+        if let Some(controller) = &self.controller {
+            let states = &mut self.block.integrator.states;
+            controller.end_interval(states, &mut self.covariance, self.crossed.as_mut());
+        }
         if let Some(crossed) = &self.crossed {
             let first = outputs.len() - crossed.len();
             outputs[first..].copy_from_slice(crossed);
@@ -309,6 +371,10 @@ impl<'a> FilterBlock<'a> {
         for (index, stretch) in stretches.iter().enumerate() {
             if index > 0 {
                 self.block.equations.act(&stretch.held);
+                if let Some(controller) = &self.controller {
+                    let states = &mut self.block.integrator.states;
+                    controller.act(states, &mut self.covariance, self.crossed.as_mut());
+                }
             }
             self.cross(&mut stretch.held.clone(), stretch.duration, n_steps, stop)?;
         }

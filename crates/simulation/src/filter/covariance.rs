@@ -43,6 +43,39 @@ impl StateCovariance {
         self.moved.fill(Lanes::splat(0.0));
     }
 
+    /// Makes the state at a place follow the other states with these derivatives, by their places; its own
+    /// derivative is 0.
+    #[inline(always)]
+    pub fn replace(&mut self, place: usize, derivatives: &[Lanes]) {
+        let n = self.states.len();
+        for column in (0..n).filter(|column| *column != place) {
+            let mut sum = Lanes::splat(0.0);
+            for (row, derivative) in derivatives.iter().enumerate() {
+                sum += self.matrix[row * n + column] * *derivative;
+            }
+            self.gain[column] = sum;
+        }
+        let mut variance = Lanes::splat(0.0);
+        for column in (0..n).filter(|column| *column != place) {
+            variance += self.gain[column] * derivatives[column];
+            self.matrix[place * n + column] = self.gain[column];
+            self.matrix[column * n + place] = self.gain[column];
+        }
+        self.matrix[place * (n + 1)] = variance;
+    }
+
+    /// Makes the state at the place `to` the state at the place `from`.
+    #[inline(always)]
+    pub fn copy(&mut self, from: usize, to: usize) {
+        let n = self.states.len();
+        for index in 0..n {
+            self.matrix[to * n + index] = self.matrix[from * n + index];
+        }
+        for index in 0..n {
+            self.matrix[index * n + to] = self.matrix[index * n + from];
+        }
+    }
+
     /// The expectation of an output: its value at the states before the sample's correction, its
     /// derivatives by all states, and the variance of its sensor.
     #[inline(always)]

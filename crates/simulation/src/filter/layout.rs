@@ -1,5 +1,6 @@
 //! What the filter is asked, and where its numbers stand among the parameters.
 
+use super::controller::ControllerLayout;
 use super::start::StartVariance;
 use crate::program::{Disturbance, DisturbanceKind};
 
@@ -12,6 +13,8 @@ pub struct FilterLayout {
     pub sizes: Vec<f64>,
     /// How well each of the model's states is known at the first sample.
     pub starts: Vec<StartVariance>,
+    /// The controller that the model computes from its states once a sample.
+    pub controller: Option<ControllerLayout>,
     /// How many inputs the model reads; the measured outputs stand behind them.
     pub n_inputs: usize,
     /// The longest step of the covariance `[s]`; the time between two samples is cut into steps
@@ -29,6 +32,17 @@ pub(super) struct NoiseParameters {
 }
 
 impl FilterLayout {
+    /// The first state of the controller: the states of the model and of the disturbances stand before it.
+    pub(super) fn first_of_controller(&self) -> usize {
+        self.starts.len() + self.disturbances.len()
+    }
+
+    /// The number of all states.
+    pub(super) fn n_states(&self) -> usize {
+        let of_controller = self.controller.map_or(0, ControllerLayout::n_states);
+        self.first_of_controller() + of_controller
+    }
+
     /// Where the parameters of the disturbances stand, behind those of the model.
     pub(super) fn noise_parameters(&self, n_model_parameters: usize) -> Vec<NoiseParameters> {
         let mut next = n_model_parameters;

@@ -8,6 +8,7 @@
 //! filter is traced, a [`TracedRecord`] goes back through the record and says what acted when.
 
 mod block;
+mod controller;
 mod covariance;
 mod layout;
 mod plant;
@@ -16,7 +17,8 @@ mod start;
 mod trace;
 mod transition;
 
+pub use controller::ControllerLayout;
 pub use layout::FilterLayout;
-pub use plant::{FilteredPlant, LayoutFault};
+pub use plant::{FilteredPlant, LONGEST_DELAY, LayoutFault};
 pub use smoother::{SmoothedPath, SmoothedRecord, TracedRecord};
 pub use start::StartVariance;

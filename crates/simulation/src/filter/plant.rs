@@ -9,18 +9,32 @@ use crate::{Accuracy, BlockSimulator, CandidateBlock, DrivingInputs, Plant};
 use greybox_numerics::lanes::LANES;
 use std::sync::Arc;
 
+/// The most samples after which what a controller computes may act: the covariance has a row for each.
+pub const LONGEST_DELAY: usize = 8;
+
 /// Why a plant cannot be filtered.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
 pub enum LayoutFault {
     /// The model is written in Rust: its equations cannot be extended.
     #[error("the model is built in, not a document: disturbances cannot be added to its equations")]
     NotADocument,
-    /// The model computes a controller from its states once a sample: the recorded command belongs
-    /// in its place.
+    /// The delay of a controller within the model depends on a parameter.
     #[error(
-        "the model computes a controller from its states: drive it with the recorded command instead"
+        "what the model computes from its states once a sample acts after a delay that depends on a \
+         parameter: give the delay as a constant without a tolerance"
     )]
-    ControllerWithin,
+    UnknownDelay,
+    /// A controller within the model acts too late.
+    #[error(
+        "what the model computes from its states once a sample acts more than {LONGEST_DELAY} samples later"
+    )]
+    LongDelay,
+    /// A controller within the model acts with a delay, and its samples are not evenly spaced.
+    #[error(
+        "what the model computes from its states once a sample acts after a delay, so that all samples \
+         must be evenly spaced, by the same time in each experiment"
+    )]
+    UnevenSamples,
     /// The equations with the disturbances have too many operations.
     #[error("the model has too many operations for its disturbances")]
     TooLarge,
@@ -52,14 +66,11 @@ impl FilteredPlant {
         layout: &FilterLayout,
         n_model_parameters: usize,
     ) -> Result<FilteredPlant, LayoutFault> {
-        if program.samples_its_states() {
-            return Err(LayoutFault::ControllerWithin);
-        }
         let noise = layout.noise_parameters(n_model_parameters);
         let time_constant = |noise: &NoiseParameters| noise.time_constant;
         let time_constants: Vec<Option<usize>> = noise.iter().map(time_constant).collect();
         let program = program
-            .disturbed(&layout.disturbances, &time_constants, &layout.sizes)
+            .disturbed(layout, &time_constants)
             .ok_or(LayoutFault::TooLarge)?;
         Ok(FilteredPlant {
             program,
@@ -76,7 +87,7 @@ impl Plant for FilteredPlant {
             return 2 * n_outputs;
         }
         let trace = TraceLayout {
-            n_states: self.layout.starts.len() + self.layout.disturbances.len(),
+            n_states: self.layout.n_states(),
             n_outputs,
         };
         trace.n_columns()

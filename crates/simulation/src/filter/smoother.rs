@@ -193,7 +193,7 @@ impl TracedRecord<'_> {
         let n_model_states = self.layout.starts.len();
         let n_disturbances = self.layout.disturbances.len();
         let trace = TraceLayout {
-            n_states: n_model_states + n_disturbances,
+            n_states: self.layout.n_states(),
             n_outputs: self.n_outputs,
         };
         let paths = |count: usize| vec![SmoothedPath::new(samples); count];
@@ -214,6 +214,7 @@ impl TracedRecord<'_> {
             self.take_sample(&mut adjoint, &row, trace, sample);
             let (means, covariance) = (&row[trace.mean()], &row[trace.covariance()]);
             let rows = means.iter().zip(covariance.chunks_exact(trace.n_states));
+            let rows = rows.take(n_model_states + n_disturbances);
             for (state, (mean, covariances)) in rows.enumerate() {
                 let [moved, less] = adjoint.correction(covariances);
                 let path = match state.checked_sub(n_model_states) {

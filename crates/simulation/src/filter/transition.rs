@@ -17,12 +17,15 @@ const SERIES_REACH: f64 = 0.0625;
 /// Doublings at the most: faster modes than this are not those of a plant.
 const MOST_DOUBLINGS: u32 = 48;
 
-/// Square matrices of one size, a number for each candidate.
+/// Square matrices of one size, a number for each candidate. The states that stand still over a step, those
+/// of a controller, are the last: A and Q have no rows for them, and Φ is the unit there.
 pub type Matrix = Vec<Lanes>;
 
 /// Φ and Qd of the step that was taken last.
 pub struct StepCovariance {
     n: usize,
+    /// How many states move over a step.
+    moving: usize,
     /// Φ: `transition[row · n + column]`.
     transition: Matrix,
     /// Qd.
@@ -63,11 +66,12 @@ impl CovarianceStep {
 }
 
 impl StepCovariance {
-    /// For so many states.
-    pub fn new(n: usize) -> StepCovariance {
+    /// For so many states, of which so many move over a step.
+    pub fn new(n: usize, moving: usize) -> StepCovariance {
         let zeros = || vec![Lanes::splat(0.0); n * n];
         StepCovariance {
             n,
+            moving,
             transition: zeros(),
             added: zeros(),
             step: CovarianceStep::new(n),
@@ -85,10 +89,18 @@ impl StepCovariance {
             self.step.clone_from(step);
             self.is_taken = true;
         }
+        let (n, moving) = (self.n, self.moving);
         let [first, ..] = &mut self.scratch;
-        multiply(self.n, &self.transition, covariance, first);
-        multiply_transposed(self.n, first, &self.transition, covariance);
-        symmetrise(self.n, covariance);
+        Product::of(n, [moving, n, n]).times(&self.transition, covariance, first);
+        let square = Product::of(n, [moving, n, moving]);
+        square.times_transposed(first, &self.transition, covariance);
+        symmetrise(n, moving, covariance);
+        for row in 0..moving {
+            for column in moving..n {
+                covariance[row * n + column] = first[row * n + column];
+                covariance[column * n + row] = first[row * n + column];
+            }
+        }
         for (value, added) in covariance.iter_mut().zip(&self.added) {
             *value += *added;
         }
@@ -97,21 +109,23 @@ impl StepCovariance {
     /// Lets the transition over several steps go on by the step that was taken last.
     #[inline(always)]
     pub fn extend(&mut self, transition: &mut Matrix) {
+        let (n, moving) = (self.n, self.moving);
         let [product, ..] = &mut self.scratch;
-        multiply(self.n, &self.transition, transition, product);
-        transition.copy_from_slice(product);
+        Product::of(n, [moving, n, n]).times(&self.transition, transition, product);
+        transition[..moving * n].copy_from_slice(&product[..moving * n]);
     }
 
     /// Φ and Qd of a step.
     #[inline(always)]
     fn take(&mut self, step: &CovarianceStep, follow: bool) {
-        let n = self.n;
+        let (n, moving) = (self.n, self.moving);
         let [omega, squared, cubed, scratch] = &mut self.scratch;
-        mean_jacobian(n, step, omega, squared, scratch);
-        mean_diffusion(n, step, &mut self.added, scratch);
-        multiply(n, omega, omega, squared);
-        multiply(n, squared, omega, cubed);
-        let (doublings, most) = doublings(n, squared, cubed, follow);
+        let powers = Product::of(n, [moving, moving, n]);
+        mean_jacobian(powers, step, omega, squared, scratch);
+        mean_diffusion(powers, step, &mut self.added, scratch);
+        powers.times(omega, omega, squared);
+        powers.times(squared, omega, cubed);
+        let (doublings, most) = doublings(&squared[..moving * n], &cubed[..moving * n], n, follow);
         let part = Lanes(std::array::from_fn(|lane| power_of_half(doublings[lane])));
         for ((omega, squared), cubed) in omega.iter_mut().zip(&mut *squared).zip(&mut *cubed) {
             *omega *= part;
@@ -120,16 +134,22 @@ impl StepCovariance {
         }
         // exp Ω = I + Ω + Ω²/2 + Ω³·(I/6 + Ω/24 + Ω²/120 + Ω³/720).
         for (index, value) in scratch.iter_mut().enumerate() {
-            let of_unit = if index % (n + 1) == 0 { 1.0 / 6.0 } else { 0.0 };
-            *value = Lanes::splat(of_unit)
-                + omega[index] * Lanes::splat(1.0 / 24.0)
-                + squared[index] * Lanes::splat(1.0 / 120.0)
-                + cubed[index] * Lanes::splat(1.0 / 720.0);
+            let of_unit = Lanes::splat(if index % (n + 1) == 0 { 1.0 / 6.0 } else { 0.0 });
+            *value = of_unit;
+            if index < moving * n {
+                *value += omega[index] * Lanes::splat(1.0 / 24.0)
+                    + squared[index] * Lanes::splat(1.0 / 120.0)
+                    + cubed[index] * Lanes::splat(1.0 / 720.0);
+            }
         }
-        multiply(n, cubed, scratch, &mut self.transition);
+        Product::of(n, [moving, n, n]).times(cubed, scratch, &mut self.transition);
         for (index, value) in self.transition.iter_mut().enumerate() {
-            let of_unit = if index % (n + 1) == 0 { 1.0 } else { 0.0 };
-            *value += Lanes::splat(of_unit) + omega[index] + squared[index] * Lanes::splat(0.5);
+            let of_unit = Lanes::splat(if index % (n + 1) == 0 { 1.0 } else { 0.0 });
+            if index < moving * n {
+                *value += of_unit + omega[index] + squared[index] * Lanes::splat(0.5);
+            } else {
+                *value = of_unit;
+            }
         }
         self.take_added(step.length * part);
         self.double(&doublings, most);
@@ -138,16 +158,16 @@ impl StepCovariance {
     /// Qd of a part of a step of this length, from Q: Σ Lʲ(Q·h)/(j + 1)! with L(X) = ΩX + XΩᵀ.
     #[inline(always)]
     fn take_added(&mut self, length: Lanes) {
-        let n = self.n;
+        let square = Product::of(self.n, [self.moving; 3]);
         let [omega, term, product, _] = &mut self.scratch;
         for (added, term) in self.added.iter_mut().zip(&mut *term) {
             *added *= length;
             *term = *added;
         }
         for order in 1..=6_u32 {
-            multiply(n, omega, term, product);
+            square.times(omega, term, product);
             term.fill(Lanes::splat(0.0));
-            add_with_transposed(n, product, 1.0 / f64::from(order + 1), term);
+            square.add_with_transposed(product, 1.0 / f64::from(order + 1), term);
             for (added, term) in self.added.iter_mut().zip(&*term) {
                 *added += *term;
             }
@@ -157,30 +177,34 @@ impl StepCovariance {
     /// From a part of the step to the whole of it.
     #[inline(always)]
     fn double(&mut self, doublings: &[u32; LANES], most: u32) {
-        let n = self.n;
+        let (n, moving) = (self.n, self.moving);
+        let square = Product::of(n, [moving; 3]);
         let [first, second, ..] = &mut self.scratch;
         let (zero, one) = (Lanes::splat(0.0), Lanes::splat(1.0));
         for doubling in 0..most {
             let is_due = |lane: usize| if doubling < doublings[lane] { 1.0 } else { 0.0 };
             let due = Lanes(std::array::from_fn(is_due));
-            multiply(n, &self.transition, &self.added, first);
-            multiply_transposed(n, first, &self.transition, second);
-            for (added, more) in self.added.iter_mut().zip(&*second) {
-                *added += due.select_ge(one, *more, zero);
+            square.times(&self.transition, &self.added, first);
+            square.times_transposed(first, &self.transition, second);
+            for row in 0..moving {
+                for index in row * n..row * n + moving {
+                    self.added[index] += due.select_ge(one, second[index], zero);
+                }
             }
-            multiply(n, &self.transition, &self.transition, first);
-            for (value, squared) in self.transition.iter_mut().zip(&*first) {
+            Product::of(n, [moving, n, n]).times(&self.transition, &self.transition, first);
+            let moving = self.transition[..moving * n].iter_mut();
+            for (value, squared) in moving.zip(&*first) {
                 *value = due.select_ge(one, *squared, *value);
             }
         }
-        symmetrise(n, &mut self.added);
+        symmetrise(n, moving, &mut self.added);
     }
 }
 
 /// Ω of a step; `left` and `right` are overwritten.
 #[inline(always)]
 fn mean_jacobian(
-    n: usize,
+    powers: Product,
     step: &CovarianceStep,
     omega: &mut Matrix,
     left: &mut Matrix,
@@ -194,17 +218,18 @@ fn mean_jacobian(
     if start == end {
         return;
     }
-    multiply(n, start, end, left);
-    multiply(n, end, start, right);
+    powers.times(start, end, left);
+    powers.times(end, start, right);
     let twelfth = step.length * step.length * Lanes::splat(1.0 / 12.0);
-    for (value, (left, right)) in omega.iter_mut().zip(left.iter().zip(&*right)) {
+    let commutator = left.iter().zip(&*right).take(powers.rows * powers.n);
+    for (value, (left, right)) in omega.iter_mut().zip(commutator) {
         *value -= (*left - *right) * twelfth;
     }
 }
 
 /// Q of a step; `product` is overwritten.
 #[inline(always)]
-fn mean_diffusion(n: usize, step: &CovarianceStep, mean: &mut Matrix, product: &mut Matrix) {
+fn mean_diffusion(powers: Product, step: &CovarianceStep, mean: &mut Matrix, product: &mut Matrix) {
     let [start, middle, end] = &step.diffusions;
     let sixth = Lanes::splat(1.0 / 6.0);
     for (index, value) in mean.iter_mut().enumerate() {
@@ -214,28 +239,19 @@ fn mean_diffusion(n: usize, step: &CovarianceStep, mean: &mut Matrix, product: &
     if first == last && start == end {
         return;
     }
+    let square = Product::of(powers.n, [powers.rows; 3]);
     let twelfth = step.length * Lanes::splat(1.0 / 12.0);
     for (jacobian, diffusion, sign) in [(first, end, -1.0), (last, start, 1.0)] {
-        multiply(n, jacobian, diffusion, product);
+        square.times(jacobian, diffusion, product);
         product.iter_mut().for_each(|value| *value *= twelfth);
-        add_with_transposed(n, product, sign, mean);
+        square.add_with_transposed(product, sign, mean);
     }
 }
 
-/// Adds a share of a matrix and its transpose.
+/// How often the parts of a step are doubled, for each candidate, and the most of that: from the rows of the
+/// square and of the cube of Ω, of so many columns.
 #[inline(always)]
-fn add_with_transposed(n: usize, matrix: &Matrix, share: f64, sum: &mut Matrix) {
-    for row in 0..n {
-        for column in 0..n {
-            let value = matrix[row * n + column] + matrix[column * n + row];
-            sum[row * n + column] += value * Lanes::splat(share);
-        }
-    }
-}
-
-/// How often the parts of a step are doubled, for each candidate, and the most of that.
-#[inline(always)]
-fn doublings(n: usize, squared: &Matrix, cubed: &Matrix, follow: bool) -> ([u32; LANES], u32) {
+fn doublings(squared: &[Lanes], cubed: &[Lanes], n: usize, follow: bool) -> ([u32; LANES], u32) {
     let (of_square, of_cube) = (norm(n, squared), norm(n, cubed));
     let mut doublings = [0; LANES];
     for (lane, doublings) in doublings.iter_mut().enumerate() {
@@ -255,7 +271,7 @@ fn doublings(n: usize, squared: &Matrix, cubed: &Matrix, follow: bool) -> ([u32;
 
 /// The largest sum of magnitudes in a row.
 #[inline(always)]
-fn norm(n: usize, matrix: &Matrix) -> Lanes {
+fn norm(n: usize, matrix: &[Lanes]) -> Lanes {
     let mut largest = Lanes::splat(0.0);
     for row in matrix.chunks_exact(n) {
         let mut sum = Lanes::splat(0.0);
@@ -271,40 +287,77 @@ fn power_of_half(exponent: u32) -> f64 {
     f64::from_bits((1023 - u64::from(exponent)) << 52)
 }
 
-/// `product = left · right`.
-#[inline(always)]
-pub fn multiply(n: usize, left: &Matrix, right: &Matrix, product: &mut Matrix) {
-    for row in 0..n {
-        for column in 0..n {
-            let mut sum = left[row * n] * right[column];
-            for inner in 1..n {
-                sum += left[row * n + inner] * right[inner * n + column];
+/// A product of parts of square matrices: of so many rows of the left one with so many columns of the right
+/// one, summed over the first of both.
+#[derive(Clone, Copy)]
+struct Product {
+    /// The size of the matrices.
+    n: usize,
+    rows: usize,
+    inner: usize,
+    columns: usize,
+}
+
+impl Product {
+    #[inline(always)]
+    fn of(n: usize, [rows, inner, columns]: [usize; 3]) -> Product {
+        Product {
+            n,
+            rows,
+            inner,
+            columns,
+        }
+    }
+
+    /// `product = left · right`.
+    #[inline(always)]
+    fn times(self, left: &Matrix, right: &Matrix, product: &mut Matrix) {
+        let n = self.n;
+        for row in 0..self.rows {
+            for column in 0..self.columns {
+                let mut sum = left[row * n] * right[column];
+                for inner in 1..self.inner {
+                    sum += left[row * n + inner] * right[inner * n + column];
+                }
+                product[row * n + column] = sum;
             }
-            product[row * n + column] = sum;
+        }
+    }
+
+    /// `product = left · rightᵀ`.
+    #[inline(always)]
+    fn times_transposed(self, left: &Matrix, right: &Matrix, product: &mut Matrix) {
+        let n = self.n;
+        for row in 0..self.rows {
+            for column in 0..self.columns {
+                let mut sum = left[row * n] * right[column * n];
+                for inner in 1..self.inner {
+                    sum += left[row * n + inner] * right[column * n + inner];
+                }
+                product[row * n + column] = sum;
+            }
+        }
+    }
+
+    /// Adds a share of a matrix and its transpose.
+    #[inline(always)]
+    fn add_with_transposed(self, matrix: &Matrix, share: f64, sum: &mut Matrix) {
+        let n = self.n;
+        for row in 0..self.rows {
+            for column in 0..self.columns {
+                let value = matrix[row * n + column] + matrix[column * n + row];
+                sum[row * n + column] += value * Lanes::splat(share);
+            }
         }
     }
 }
 
-/// `product = left · rightᵀ`.
+/// The mean of the first rows and columns of a matrix and their transpose.
 #[inline(always)]
-fn multiply_transposed(n: usize, left: &Matrix, right: &Matrix, product: &mut Matrix) {
-    for row in 0..n {
-        for column in 0..n {
-            let mut sum = left[row * n] * right[column * n];
-            for inner in 1..n {
-                sum += left[row * n + inner] * right[column * n + inner];
-            }
-            product[row * n + column] = sum;
-        }
-    }
-}
-
-/// The mean of a matrix and its transpose.
-#[inline(always)]
-fn symmetrise(n: usize, matrix: &mut Matrix) {
+fn symmetrise(n: usize, rows: usize, matrix: &mut Matrix) {
     let half = Lanes::splat(0.5);
-    for row in 0..n {
-        for column in row + 1..n {
+    for row in 0..rows {
+        for column in row + 1..rows {
             let mean = (matrix[row * n + column] + matrix[column * n + row]) * half;
             matrix[row * n + column] = mean;
             matrix[column * n + row] = mean;

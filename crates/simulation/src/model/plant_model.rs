@@ -3,7 +3,7 @@
 use super::specialised::Specialised;
 use super::{ModelDescription, ParameterDescription, SignalDescription};
 use crate::Plant;
-use crate::filter::{FilterLayout, FilteredPlant, LayoutFault};
+use crate::filter::{ControllerLayout, FilterLayout, FilteredPlant, LayoutFault};
 use crate::native::{Dynamics, Native};
 use crate::program::{Probes, Program};
 use std::borrow::Cow;
@@ -158,6 +158,19 @@ impl Model {
         });
         description.outputs = values.chain(rates).collect();
         Some(Model::of_program(description, program))
+    }
+
+    /// The controller within the model, as the filter carries it. `sample_time` is that of the recording `[s]`;
+    /// none where the samples are not evenly spaced.
+    ///
+    /// # Errors
+    /// Where the filter cannot follow the controller.
+    pub fn controller(
+        &self,
+        sample_time: Option<f64>,
+    ) -> Result<Option<ControllerLayout>, LayoutFault> {
+        let program = self.program.as_ref();
+        program.map_or(Ok(None), |program| program.controller(sample_time))
     }
 
     /// The model as the filter sees it, where disturbances move its plant ([`FilteredPlant`]): the

@@ -17,6 +17,8 @@ pub struct CompiledProgram {
     pub tangents: Tangents,
     /// The derivatives of the outputs.
     pub output_tangents: Tangents,
+    /// The derivatives of what is computed once a sample.
+    pub sampled_tangents: Tangents,
     /// What an error of each state is measured against at least.
     pub sizes: Vec<f64>,
     /// Whether inputs move in straight lines from sample to sample.
@@ -31,6 +33,7 @@ impl CompiledProgram {
         CompiledProgram {
             tangents: Tangents::new(lists.differentiated_rates(), states, inputs),
             output_tangents: Tangents::new(lists.differentiated_outputs(), states, inputs),
+            sampled_tangents: Tangents::new(lists.differentiated_sampled(), states, inputs),
             lists,
             wiring,
             sizes: Vec::new(),

@@ -2,7 +2,8 @@
 //! on a parameter, on the rate of a state or on an output.
 
 use super::rewrite::{EquationGraph, Roots};
-use crate::language::graph::{Full, GraphNode, Leaf, NodeId};
+use crate::filter::{ControllerLayout, FilterLayout};
+use crate::language::graph::{Full, Graph, GraphNode, Leaf, NodeId};
 use crate::language::operation::Operation;
 
 /// What a disturbance acts on, by its place in the model's description.
@@ -69,18 +70,58 @@ impl EquationGraph {
             .collect()
     }
 
-    /// The equations with a state more for each disturbance, behind the states that there are.
-    /// `time_constants` are the parameters by which disturbances with memory decay.
+    /// Whether the delay follows from constants and the sample time alone.
+    pub(super) fn has_constant_delay(&self) -> bool {
+        let EquationGraph { graph, roots } = self;
+        let needed = graph.needed(roots.delay);
+        let is_parameter = |node: &GraphNode| matches!(node, GraphNode::Leaf(Leaf::Parameter(_)));
+        let mut nodes = graph.nodes().iter().zip(needed);
+        !nodes.any(|(node, needed)| needed && is_parameter(node))
+    }
+
+    /// The equations with a state more for each disturbance, behind the states that there are, and behind
+    /// these the states of the controller. `time_constants` are the parameters by which disturbances with
+    /// memory decay.
     ///
     /// # Errors
     /// Where there would be too many nodes.
     pub(super) fn disturbed(
         &self,
-        disturbances: &[Disturbance],
+        layout: &FilterLayout,
         time_constants: &[Option<usize>],
     ) -> Result<EquationGraph, Full> {
-        disturbed(self, disturbances, time_constants)
+        let controlled = match layout.controller {
+            None => self.clone(),
+            Some(controller) => {
+                let first = self.roots.rates.len() + layout.disturbances.len();
+                carried(self, controller, first)?
+            }
+        };
+        let mut whole = disturbed(&controlled, &layout.disturbances, time_constants)?;
+        let EquationGraph { graph, roots } = &mut whole;
+        let of_controller = layout.controller.map_or(0, ControllerLayout::n_states);
+        for places in [&mut roots.rates, &mut roots.initial] {
+            let last = places.len() + of_controller;
+            places.resize(last, graph.constant(0.0)?);
+        }
+        Ok(whole)
     }
+}
+
+/// The equations with the quantities that a controller computes as states, which begin with `first`.
+fn carried(
+    equations: &EquationGraph,
+    controller: ControllerLayout,
+    first: usize,
+) -> Result<EquationGraph, Full> {
+    equations.continued(Graph::default(), |graph, leaf| {
+        let state = match leaf {
+            Leaf::Sampled(quantity) => controller.acting(first, usize::from(quantity)),
+            Leaf::Previous(quantity) => controller.previous(first, usize::from(quantity)),
+            _ => return graph.leaf(leaf),
+        };
+        graph.leaf(Leaf::State(state as u16))
+    })
 }
 
 /// The graph with the disturbances' states.

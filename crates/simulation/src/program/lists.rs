@@ -46,6 +46,8 @@ pub struct Lists {
     pub output: List,
     /// The roots, as registers.
     pub roots: Roots,
+    /// The registers of the sampled quantities.
+    sampled: Vec<Register>,
 }
 
 impl Lists {
@@ -75,6 +77,7 @@ impl Lists {
             rates: List::default(),
             output: List::default(),
             roots: Roots::default(),
+            sampled: Vec::new(),
         };
         let needed = (0..graph.nodes().len()).filter(|node| is_needed(*node));
         for (register, node) in (0..).zip(needed) {
@@ -114,6 +117,8 @@ impl Lists {
             }
         }
         lists.roots = roots.renamed(&registers);
+        let sampled = lists.roots.sampled.iter().map(|(register, _)| *register);
+        lists.sampled = sampled.collect();
         lists.join();
         lists
     }
@@ -173,6 +178,15 @@ impl Lists {
         Differentiated {
             instructions: self.output.instructions(),
             roots: &self.roots.outputs,
+        }
+    }
+
+    /// What is computed once a sample, for its derivatives.
+    #[must_use]
+    pub fn differentiated_sampled(&self) -> Differentiated<'_> {
+        Differentiated {
+            instructions: self.sample.instructions(),
+            roots: &self.sampled,
         }
     }
 

@@ -20,6 +20,8 @@ pub use rewrite::{EquationGraph, Roots};
 
 use super::block::SimulationBlock;
 use super::equations::{Equations, HeldQuantities, System};
+use super::filter::{ControllerLayout, FilterLayout, LONGEST_DELAY, LayoutFault};
+use super::input_delay::SAME;
 use super::{BlockSimulator, CandidateBlock, DrivingInputs, Plant};
 use crate::language::operation::LookupTable;
 use compiled::CompiledProgram;
@@ -74,23 +76,22 @@ impl Program {
     }
 
     /// The program with a state more for each disturbance, in their order behind the model's
-    /// states. A disturbance with memory τ decays by −d/τ, where τ is the parameter
+    /// states, and behind these those of the controller. A disturbance with memory τ decays by −d/τ, where τ is the parameter
     /// `time_constants[disturbance]`; white noise has a state that stays 0, through which the
-    /// Jacobian says what the noise drives. `sizes` are typical sizes of the disturbances, in
-    /// their units. Answers nothing where the equations would have too many nodes.
+    /// Jacobian says what the noise drives. Answers nothing where the equations would have too many nodes.
     #[must_use]
     pub fn disturbed(
         &self,
-        disturbances: &[Disturbance],
+        layout: &FilterLayout,
         time_constants: &[Option<usize>],
-        sizes: &[f64],
     ) -> Option<Program> {
-        let equations = self
-            .equations
-            .disturbed(disturbances, time_constants)
-            .ok()?;
+        let equations = self.equations.disturbed(layout, time_constants).ok()?;
         let last = time_constants.iter().flatten().max();
-        Some(self.with_equations(equations, last.map_or(0, |last| last + 1), sizes))
+        // What stands still has no error to be measured.
+        let of_controller = layout.controller.map_or(0, ControllerLayout::n_states);
+        let sizes: Vec<f64> = layout.sizes.iter().copied().collect();
+        let sizes = [sizes, vec![1.0; of_controller]].concat();
+        Some(self.with_equations(equations, last.map_or(0, |last| last + 1), &sizes))
     }
 
     /// The program with probes, whose parameters stand from `first_parameter` on. Answers nothing where the
@@ -137,10 +138,37 @@ impl Program {
         }
     }
 
-    /// Whether what is computed once a sample reads a state: a controller within the model.
-    #[must_use]
-    pub fn samples_its_states(&self) -> bool {
-        self.equations.samples_its_states()
+    /// The controller within the model: what is computed once a sample and reads a state. `sample_time` is that
+    /// of the recording `[s]`; none where the samples are not evenly spaced.
+    ///
+    /// # Errors
+    /// Where the filter cannot follow the controller.
+    pub fn controller(
+        &self,
+        sample_time: Option<f64>,
+    ) -> Result<Option<ControllerLayout>, LayoutFault> {
+        if !self.equations.samples_its_states() {
+            return Ok(None);
+        }
+        if !self.equations.has_constant_delay() {
+            return Err(LayoutFault::UnknownDelay);
+        }
+        let CompiledProgram { lists, wiring, .. } = &self.compiled;
+        let interval = sample_time.unwrap_or(1.0);
+        let row = self.row(&vec![0.0; wiring.parameters.len()], interval);
+        let delay = row.input_delay().unwrap_or(0.0) / interval;
+        // A delay that differs from whole samples by rounding alone is one of whole samples.
+        let delay = (delay - SAME).ceil().max(0.0);
+        if delay > LONGEST_DELAY as f64 {
+            return Err(LayoutFault::LongDelay);
+        }
+        if delay > 0.0 && sample_time.is_none() {
+            return Err(LayoutFault::UnevenSamples);
+        }
+        Ok(Some(ControllerLayout {
+            n_quantities: lists.roots.sampled.len(),
+            delay: delay as usize,
+        }))
     }
 
     /// The states that a force, an inflow or a current moves, by their places: those whose rate reads an input,

@@ -16,12 +16,14 @@ pub struct ProgramRow<'a, R> {
     /// The inputs when the held quantities began to act, and how fast they move.
     inputs: Vec<R>,
     slopes: Vec<R>,
-    /// The sampled quantities at the sample before.
+    /// The sampled quantities as they were computed last.
     previous: Vec<R>,
     /// Room for derivatives of the rates, once they are asked for.
     tangents: Option<Room<R>>,
     /// Room for derivatives of the outputs, once they are asked for.
     output_tangents: Option<Room<R>>,
+    /// Room for derivatives of what is computed once a sample, once they are asked for.
+    sampled_tangents: Option<Room<R>>,
 }
 
 impl<'a, R: Real> ProgramRow<'a, R> {
@@ -36,6 +38,7 @@ impl<'a, R: Real> ProgramRow<'a, R> {
             previous: Vec::new(),
             tangents: None,
             output_tangents: None,
+            sampled_tangents: None,
         };
         for (register, value) in program.wiring.parameters.iter().zip(parameters) {
             row.set(*register, *value);
@@ -70,6 +73,47 @@ impl<'a, R: Real> ProgramRow<'a, R> {
         self.program
             .lists
             .run(list, &mut self.registers, self.width);
+    }
+
+    /// The quantities that are computed once a sample, as they were computed last.
+    pub fn sampled(&self) -> &[R] {
+        &self.previous
+    }
+
+    /// Computes what is computed once a sample from what stands in the registers.
+    fn sample(&mut self) {
+        let lists = &self.program.lists;
+        self.run(&lists.sample);
+        self.previous.clear();
+        for (register, _) in &lists.roots.sampled {
+            self.previous.push(self.registers[usize::from(*register)]);
+        }
+    }
+
+    /// Computes what is computed once a sample again, for other states at the sample that was held last.
+    pub fn sample_again(&mut self, states: &[R]) {
+        self.load(states, R::splat(0.0));
+        self.sample();
+    }
+
+    /// ∂quantity/∂state of what was computed last, `matrix[quantity · n + state]`.
+    pub fn sampled_jacobian(&mut self, matrix: &mut [R]) {
+        let CompiledProgram {
+            lists,
+            sampled_tangents,
+            ..
+        } = self.program;
+        let room = self
+            .sampled_tangents
+            .get_or_insert_with(|| sampled_tangents.room());
+        self.width.does(StateDerivatives {
+            tangents: sampled_tangents,
+            list: lists.differentiated_sampled(),
+            tables: lists.tables(),
+            registers: &mut self.registers,
+            room,
+            matrix,
+        });
     }
 
     /// Writes states and inputs, `elapsed` after these began to act, to their registers.
@@ -133,7 +177,7 @@ impl<R: Real> Equations<R> for ProgramRow<'_, R> {
 
     /// The inputs, and behind them what is computed once a sample.
     fn hold(&mut self, sample: &Sample<'_>, states: &Vec<R>, held: &mut HeldQuantities<R>) {
-        let CompiledProgram { lists, wiring, .. } = self.program;
+        let wiring = &self.program.wiring;
         self.load(states, R::splat(0.0));
         for (input, register) in wiring.recorded.iter().enumerate() {
             if register.is_some() {
@@ -143,12 +187,7 @@ impl<R: Real> Equations<R> for ProgramRow<'_, R> {
         for (index, register) in wiring.previous.iter().enumerate() {
             self.set(*register, self.previous[index]);
         }
-        self.run(&lists.sample);
-        let roots = lists.roots.sampled.iter();
-        self.previous.clear();
-        for (register, _) in roots {
-            self.previous.push(self.registers[usize::from(*register)]);
-        }
+        self.sample();
         let n_inputs = wiring.inputs.len();
         let inputs = (0..n_inputs).map(|input| R::splat(sample.input(input)));
         held.values.clear();

@@ -6,6 +6,7 @@
 
 #![expect(clippy::unwrap_used, reason = "a test whose premise fails has failed")]
 
+mod closed_loop;
 mod records;
 mod smoother;
 
@@ -62,6 +63,7 @@ fn layout(acts_on: ActsOn, kind: DisturbanceKind, size: f64, starts: &[f64]) -> 
         disturbances: vec![Disturbance { acts_on, kind }],
         sizes: vec![size],
         starts: starts.iter().copied().map(StartVariance::Known).collect(),
+        controller: None,
         n_inputs: 0,
         longest_step: f64::INFINITY,
         is_traced: false,

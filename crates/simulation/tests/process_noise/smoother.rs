@@ -15,7 +15,7 @@ fn reference() -> Value {
 }
 
 /// The numbers of a list; NaN where there is none.
-fn numbers(list: &Value) -> Vec<f64> {
+pub fn numbers(list: &Value) -> Vec<f64> {
     let numbers = list.as_array().unwrap().iter();
     numbers
         .map(|value| value.as_f64().unwrap_or(f64::NAN))
@@ -72,6 +72,7 @@ impl Filtered {
                 .into_iter()
                 .map(StartVariance::Known)
                 .collect(),
+            controller: None,
             n_inputs: 1,
             longest_step: 0.06,
             is_traced: true,
@@ -139,7 +140,7 @@ impl Filtered {
 }
 
 /// The integrator's own errors are what is left.
-fn assert_near(value: f64, expected: f64, what: &str) {
+pub fn assert_near(value: f64, expected: f64, what: &str) {
     assert!(
         (value - expected).abs() < 1e-9,
         "{what}: {value} beside {expected}"
