@@ -256,6 +256,7 @@ fn column_name(acts_on: &ActsOnSpec) -> String {
         ActsOnSpec::Parameter(name) => name.clone(),
         ActsOnSpec::State(name) => format!("rate_of_{name}"),
         ActsOnSpec::Output(name) => format!("sensor_of_{name}"),
+        ActsOnSpec::Sampled(name) => format!("computed_{name}"),
     }
 }
 

@@ -139,7 +139,7 @@ pub fn with_another(
             let mut coloured = basis.coloured.iter();
             coloured.any(|place| problem.outputs[*place].index == index)
         }
-        ActsOn::Rate(_) | ActsOn::Parameter(_) => true,
+        ActsOn::Rate(_) | ActsOn::Parameter(_) | ActsOn::Sampled(_) => true,
     };
     let is_new = |added: &SoughtDisturbance| {
         let mut present = present.iter().map(|noise| noise.disturbance);
@@ -389,6 +389,7 @@ impl NoiseFit<'_> {
             ActsOn::Parameter(index) => &description.parameters[index].name,
             ActsOn::Rate(index) => &description.states[index].name,
             ActsOn::Output(index) => &description.outputs[index].name,
+            ActsOn::Sampled(index) => &description.sampled[index].name,
         };
         let has_memory = sought.disturbance.kind == DisturbanceKind::Memory;
         ProcessNoise {

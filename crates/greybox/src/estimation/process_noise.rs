@@ -88,6 +88,7 @@ impl ProcessNoise {
             ActsOn::Parameter(index) => format!("`{}`", model.parameters[index].name),
             ActsOn::Rate(index) => format!("the rate of `{}`", model.states[index].name),
             ActsOn::Output(index) => format!("the sensor of `{}`", model.outputs[index].name),
+            ActsOn::Sampled(index) => format!("what computes `{}`", model.sampled[index].name),
         };
         format!("{kind} on {acts_on}")
     }
@@ -99,6 +100,7 @@ impl ProcessNoise {
             ActsOn::Parameter(index) => model.parameters[index].unit.to_string(),
             ActsOn::Rate(index) => format!("{}/s", model.states[index].unit),
             ActsOn::Output(index) => model.outputs[index].unit.to_string(),
+            ActsOn::Sampled(index) => model.sampled[index].unit.to_string(),
         }
     }
 
@@ -235,7 +237,7 @@ pub(super) fn layout_of(problem: &Problem, noise: &NoiseModel) -> Result<FilterL
     }
     let record = FilteredRecord {
         starts: starts(problem),
-        controller: controller(problem).map_err(NoiseFault::Model)?,
+        controller: controller(problem, &noise.disturbances).map_err(NoiseFault::Model)?,
         n_inputs: problem.model.description().inputs.len(),
         longest_step: longest_step(problem, noise.steps),
     };
@@ -345,11 +347,16 @@ fn starts(problem: &Problem) -> Vec<StartVariance> {
 }
 
 /// The controller within the model; the samples of all experiments must suit it.
-fn controller(problem: &Problem) -> Result<Option<ControllerLayout>, LayoutFault> {
+fn controller(
+    problem: &Problem,
+    disturbances: &[ProcessNoise],
+) -> Result<Option<ControllerLayout>, LayoutFault> {
+    let disturbances: Vec<Disturbance> =
+        disturbances.iter().map(|noise| noise.disturbance).collect();
     let mut controllers = Vec::new();
     for data in problem.experiments.iter() {
         let sample_time = data.instants.is_none().then_some(data.sample_time);
-        controllers.push(problem.model.controller(sample_time)?);
+        controllers.push(problem.model.controller(sample_time, &disturbances)?);
     }
     match controllers.as_slice() {
         [] => Ok(None),

@@ -49,10 +49,30 @@ pub fn candidates(problem: &Problem) -> Vec<Vec<SoughtDisturbance>> {
         let on_rate = |state: &usize| SoughtDisturbance::open(ActsOn::Rate(*state), kind);
         candidates.extend(states.map(|state| vec![on_rate(state)]));
     }
+    candidates.extend(of_controller(problem));
     let outputs = problem.outputs.iter().map(|output| output.index);
     candidates.extend(outputs.map(|output| {
         let acts_on = ActsOn::Output(output);
         vec![SoughtDisturbance::open(acts_on, DisturbanceKind::Memory)]
     }));
     candidates
+}
+
+/// Disturbances of what a controller within the model computes, as far as the filter can carry them.
+fn of_controller(problem: &Problem) -> Vec<Vec<SoughtDisturbance>> {
+    let n_quantities = problem.model.description().sampled.len();
+    let kinds = [DisturbanceKind::White, DisturbanceKind::Memory];
+    let all = kinds.into_iter().flat_map(|kind| {
+        (0..n_quantities.min(MOST_STATES))
+            .map(move |quantity| SoughtDisturbance::open(ActsOn::Sampled(quantity), kind))
+    });
+    let is_possible = |sought: &SoughtDisturbance| {
+        let mut experiments = problem.experiments.iter();
+        experiments.all(|data| {
+            let evenly = data.instants.is_none().then_some(data.sample_time);
+            let controller = problem.model.controller(evenly, &[sought.disturbance]);
+            controller.is_ok_and(|controller| controller.is_some())
+        })
+    };
+    all.filter(is_possible).map(|sought| vec![sought]).collect()
 }

@@ -166,7 +166,13 @@ impl Run {
     ) -> Option<Result<SimulatedRecord, Vec<Fault>>> {
         let description = model.description();
         let sample_time = self.data.sample_time;
-        let filter = model.controller(self.data.instants.is_none().then_some(sample_time));
+        let evenly = self.data.instants.is_none().then_some(sample_time);
+        let disturbances: Vec<_> = noise
+            .disturbances
+            .iter()
+            .map(|noise| noise.disturbance)
+            .collect();
+        let filter = model.controller(evenly, &disturbances);
         let filter = filter.and_then(|controller| {
             let filtered = FilteredRecord {
                 starts: vec![StartVariance::Known(0.0); description.states.len()],

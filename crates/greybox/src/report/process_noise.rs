@@ -149,6 +149,7 @@ fn acted_on(acts_on: &ActsOnSpec) -> String {
         ActsOnSpec::Parameter(name) => name.clone(),
         ActsOnSpec::State(name) => format!("the rate of {name}"),
         ActsOnSpec::Output(name) => format!("the sensor of {name}"),
+        ActsOnSpec::Sampled(name) => format!("what computes {name}"),
     }
 }
 

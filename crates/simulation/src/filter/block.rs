@@ -43,6 +43,8 @@ pub struct FilterBlock<'a> {
     jacobian: Matrix,
     /// ∂output/∂state over all states.
     by_state: Matrix,
+    /// The variance that each output of the first sample has from white noise of the controller.
+    followed: Vec<Lanes>,
     /// The outputs of the model.
     row: Vec<Lanes>,
     /// Φ since the last sample, where the filter is traced.
@@ -171,6 +173,7 @@ impl<'a> FilterBlock<'a> {
             noises,
             jacobian: vec![zero; n_states * n_states],
             by_state: vec![zero; n_outputs * n_states],
+            followed: vec![zero; n_outputs],
             row: vec![zero; n_outputs],
             crossed: layout.is_traced.then(|| vec![zero; n_states * n_states]),
             rates: vec![zero; n_states],
@@ -205,8 +208,9 @@ impl<'a> FilterBlock<'a> {
             if sample == 0 {
                 self.begin();
             }
-            self.correct(outputs);
-            self.begin_interval();
+            let whites = self.white_variances(interval);
+            self.correct(&whites, outputs);
+            self.begin_interval(&whites);
             if interval > 0.0 {
                 self.go_on(stretches.as_deref(), interval, stop)?;
             }
@@ -253,6 +257,19 @@ impl<'a> FilterBlock<'a> {
         }
     }
 
+    /// The states of white noises, each with its variance as a mean over an interval; none without a controller.
+    fn white_variances(&self, interval: f64) -> Vec<(usize, Lanes)> {
+        if self.controller.is_none() || interval <= 0.0 {
+            return Vec::new();
+        }
+        let whites = self.noises.iter();
+        let whites = whites.filter(|noise| noise.kind == DisturbanceKind::White);
+        let length = Lanes::splat(interval);
+        whites
+            .map(|noise| (noise.state, noise.diffusion / length))
+            .collect()
+    }
+
     /// Computes what the controller makes of the states as they stand.
     #[inline(always)]
     fn run_controller(&mut self) {
@@ -276,7 +293,7 @@ impl<'a> FilterBlock<'a> {
 
     /// Says what is expected of each output, and lets what was measured correct the states.
     #[inline(always)]
-    fn correct(&mut self, outputs: &mut [Lanes]) {
+    fn correct(&mut self, whites: &[(usize, Lanes)], outputs: &mut [Lanes]) {
         let SimulationBlock {
             equations,
             integrator,
@@ -285,9 +302,10 @@ impl<'a> FilterBlock<'a> {
             ..
         } = &mut self.block;
         equations.output_jacobian(&integrator.states, &self.row, &mut self.by_state);
+        self.followed.fill(Lanes::splat(0.0));
         let controller = self.controller.as_ref();
         if let Some(controller) = controller.filter(|controller| controller.acts_at_once(*sample)) {
-            controller.follow(*sample, &mut self.by_state);
+            controller.follow(*sample, whites, &mut self.by_state, &mut self.followed);
         }
         self.covariance.begin_sample();
         let n_states = integrator.states.len();
@@ -302,7 +320,7 @@ impl<'a> FilterBlock<'a> {
         let n_outputs = self.row.len();
         let first_measured = self.layout.n_inputs;
         for (output, by_state) in self.by_state.chunks_exact(n_states).enumerate() {
-            let sensor = self.sensors[output];
+            let sensor = self.sensors[output] + self.followed[output];
             let predicted = self.covariance.predict(self.row[output], by_state, sensor);
             outputs[output] = predicted.value;
             outputs[n_outputs + output] = predicted.variance;
@@ -324,7 +342,7 @@ impl<'a> FilterBlock<'a> {
     /// What the controller computes at the sample follows from the corrected states. Where the filter is traced,
     /// an interval begins with Φ = I.
     #[inline(always)]
-    fn begin_interval(&mut self) {
+    fn begin_interval(&mut self, whites: &[(usize, Lanes)]) {
         let n = self.covariance.states.len();
         for (index, value) in self.crossed.iter_mut().flatten().enumerate() {
             *value = Lanes::splat(if index % (n + 1) == 0 { 1.0 } else { 0.0 });
@@ -332,7 +350,7 @@ impl<'a> FilterBlock<'a> {
         self.run_controller();
         if let Some(controller) = &self.controller {
             let sample = self.block.sample;
-            controller.spread(sample, &mut self.covariance, self.crossed.as_mut());
+            controller.spread(sample, whites, &mut self.covariance, self.crossed.as_mut());
         }
     }
 

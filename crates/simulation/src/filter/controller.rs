@@ -111,15 +111,23 @@ impl SampledController {
         }
     }
 
-    /// Lets the derivatives of outputs follow what the controller computes at once from the states.
-    pub fn follow(&self, sample: usize, by_state: &mut [Lanes]) {
+    /// Lets the derivatives of outputs follow what the controller computes at once from the states. What white
+    /// noises add to an output through the controller goes to `added`.
+    pub fn follow(
+        &self,
+        sample: usize,
+        whites: &[(usize, Lanes)],
+        by_state: &mut [Lanes],
+        added: &mut [Lanes],
+    ) {
         let n_states = self.first + self.layout.n_states();
-        for row in by_state.chunks_exact_mut(n_states) {
+        for (row, added) in by_state.chunks_exact_mut(n_states).zip(added) {
             for (quantity, slots) in self.filled(sample) {
                 let mut by_quantity = Lanes::splat(0.0);
                 for value in &mut row[slots] {
                     by_quantity += std::mem::replace(value, Lanes::splat(0.0));
                 }
+                *added += by_quantity * by_quantity * self.added_by(quantity, whites);
                 let derivatives = &self.by_state[quantity * n_states..][..n_states];
                 for (value, derivative) in row.iter_mut().zip(derivatives) {
                     *value += by_quantity * *derivative;
@@ -128,11 +136,23 @@ impl SampledController {
         }
     }
 
+    /// The variance that white noises, each a state with its own variance, add to a quantity.
+    fn added_by(&self, quantity: usize, whites: &[(usize, Lanes)]) -> Lanes {
+        let n_states = self.first + self.layout.n_states();
+        let row = &self.by_state[quantity * n_states..][..n_states];
+        let mut added = Lanes::splat(0.0);
+        for (state, variance) in whites {
+            added += row[*state] * row[*state] * *variance;
+        }
+        added
+    }
+
     /// Gives what the controller has computed at a sample the errors of the states, in the covariance and
-    /// in the transition.
+    /// in the transition. `whites` are the states of white noises, each with its variance over the interval.
     pub fn spread(
         &self,
         sample: usize,
+        whites: &[(usize, Lanes)],
         covariance: &mut StateCovariance,
         crossed: Option<&mut Matrix>,
     ) {
@@ -145,6 +165,7 @@ impl SampledController {
             let derivatives: Vec<Lanes> = derivatives.collect();
             let newest = slots.start + n - n_states;
             covariance.replace(newest, &derivatives);
+            covariance.matrix[newest * (n + 1)] += self.added_by(quantity, whites);
             if let Some(crossed) = &mut crossed {
                 let rows = crossed.chunks_exact(n).zip(&derivatives);
                 let mut sums = vec![Lanes::splat(0.0); n];

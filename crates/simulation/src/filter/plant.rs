@@ -29,6 +29,12 @@ pub enum LayoutFault {
         "what the model computes from its states once a sample acts more than {LONGEST_DELAY} samples later"
     )]
     LongDelay,
+    /// White noise disturbs a controller that acts at the sample at which it computes.
+    #[error(
+        "white noise cannot disturb what is computed once a sample and acts without a delay: let the \
+         disturbance have a memory"
+    )]
+    WhiteAtOnce,
     /// A controller within the model acts with a delay, and its samples are not evenly spaced.
     #[error(
         "what the model computes from its states once a sample acts after a delay, so that all samples \

@@ -24,6 +24,9 @@ pub struct ModelDescription {
     pub input_sets: Vec<Vec<Cow<'static, str>>>,
     /// The states, in the order of integration.
     pub states: Vec<StateDescription>,
+    /// What the model computes once a sample, as a controller does.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    pub sampled: Vec<SignalDescription>,
     /// The outputs that can be measured.
     pub outputs: Vec<SignalDescription>,
     /// The parameters.
@@ -49,6 +52,14 @@ impl ModelDescription {
     #[must_use]
     pub fn state_index(&self, name: &str) -> Option<usize> {
         self.states.iter().position(|state| state.name == name)
+    }
+
+    /// The place of a quantity that is computed once a sample.
+    #[must_use]
+    pub fn sampled_index(&self, name: &str) -> Option<usize> {
+        self.sampled
+            .iter()
+            .position(|quantity| quantity.name == name)
     }
 
     /// The place of an output.

@@ -5,7 +5,7 @@ use super::{ModelDescription, ParameterDescription, SignalDescription};
 use crate::Plant;
 use crate::filter::{ControllerLayout, FilterLayout, FilteredPlant, LayoutFault};
 use crate::native::{Dynamics, Native};
-use crate::program::{Probes, Program};
+use crate::program::{Disturbance, Probes, Program};
 use std::borrow::Cow;
 use std::sync::Arc;
 
@@ -160,7 +160,8 @@ impl Model {
         Some(Model::of_program(description, program))
     }
 
-    /// The controller within the model, as the filter carries it. `sample_time` is that of the recording `[s]`;
+    /// The controller within the model, as the filter carries it where these disturbances move the plant.
+    /// `sample_time` is that of the recording `[s]`;
     /// none where the samples are not evenly spaced.
     ///
     /// # Errors
@@ -168,9 +169,12 @@ impl Model {
     pub fn controller(
         &self,
         sample_time: Option<f64>,
+        disturbances: &[Disturbance],
     ) -> Result<Option<ControllerLayout>, LayoutFault> {
         let program = self.program.as_ref();
-        program.map_or(Ok(None), |program| program.controller(sample_time))
+        program.map_or(Ok(None), |program| {
+            program.controller(sample_time, disturbances)
+        })
     }
 
     /// The model as the filter sees it, where disturbances move its plant ([`FilteredPlant`]): the

@@ -134,6 +134,7 @@ fn describe() -> ModelDescription {
                 initial: InitialState::EstimatedFromSlope { output: 0 },
             },
         ],
+        sampled: Vec::new(),
         outputs: vec![
             SignalDescription::new("position", "m", "position of the carriage"),
             SignalDescription::new("velocity", "m/s", "velocity of the carriage"),

@@ -13,6 +13,8 @@ pub enum ActsOn {
     Parameter(usize),
     /// The rate of a state.
     Rate(usize),
+    /// A quantity that a controller within the model computes once a sample.
+    Sampled(usize),
     /// An output: its sensor drifts.
     Output(usize),
 }
@@ -163,6 +165,7 @@ fn disturbed(
             ActsOn::Parameter(_) => None,
             ActsOn::Rate(of) => Some(&mut roots.rates[of]),
             ActsOn::Output(of) => Some(&mut roots.outputs[of]),
+            ActsOn::Sampled(of) => Some(&mut roots.sampled[of].0),
         };
         if let Some(driven) = driven {
             *driven = graph.compute(Operation::Add, &[*driven, state])?;

@@ -138,16 +138,20 @@ impl Program {
         }
     }
 
-    /// The controller within the model: what is computed once a sample and reads a state. `sample_time` is that
-    /// of the recording `[s]`; none where the samples are not evenly spaced.
+    /// The controller within the model: what is computed once a sample and reads a state, or is disturbed.
+    /// `sample_time` is that of the recording `[s]`; none where the samples are not evenly spaced.
     ///
     /// # Errors
     /// Where the filter cannot follow the controller.
     pub fn controller(
         &self,
         sample_time: Option<f64>,
+        disturbances: &[Disturbance],
     ) -> Result<Option<ControllerLayout>, LayoutFault> {
-        if !self.equations.samples_its_states() {
+        let is_computed =
+            |disturbance: &&Disturbance| matches!(disturbance.acts_on, ActsOn::Sampled(_));
+        let mut disturbed = disturbances.iter().filter(is_computed).peekable();
+        if !self.equations.samples_its_states() && disturbed.peek().is_none() {
             return Ok(None);
         }
         if !self.equations.has_constant_delay() {
@@ -161,6 +165,9 @@ impl Program {
         let delay = (delay - SAME).ceil().max(0.0);
         if delay > LONGEST_DELAY as f64 {
             return Err(LayoutFault::LongDelay);
+        }
+        if delay == 0.0 && disturbed.any(|noise| noise.kind == DisturbanceKind::White) {
+            return Err(LayoutFault::WhiteAtOnce);
         }
         if delay > 0.0 && sample_time.is_none() {
             return Err(LayoutFault::UnevenSamples);

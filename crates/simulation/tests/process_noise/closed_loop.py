@@ -22,7 +22,8 @@ SUM_BEFORE = 0.4
 INTERVAL, SAMPLES = 0.1, 14
 REFERENCE = [0.5] * 5 + [-0.3] * 4 + [0.2] * 5
 MISSING = {0: {2, 7, 8}, 1: {0, 4, 8, 13}}
-DELAYS = [0.0, 0.03, 0.1, 0.25]
+# The delay of each case, and the strength of white noise on the command.
+CASES = [(0.0, 0.0), (0.03, 0.0), (0.1, 0.0), (0.25, 0.0), (0.1, 0.9), (0.25, 0.9)]
 
 
 def stretch(length):
@@ -36,12 +37,12 @@ def stretch(length):
     return phi, driven[:2, 2], phi @ van_loan[:2, 2:]
 
 
-def of_delay(delay, measured):
+def of_case(delay, command_strength, measured):
     """Affine quantities are rows: the factors of all noises, and the mean last."""
     age = math.ceil(delay / INTERVAL - 1e-9)
     change = delay - (age - 1) * INTERVAL if age else INTERVAL
     lengths = [change, INTERVAL - change]
-    size = 2 + 4 * SAMPLES
+    size = 2 + 5 * SAMPLES
     covariance = numpy.zeros((size, size))
     covariance[:2, :2] = numpy.diag(START_VARIANCE)
     state = numpy.zeros((2, size + 1))
@@ -59,7 +60,10 @@ def of_delay(delay, measured):
         error = -state[0].copy()
         error[-1] += REFERENCE[k]
         total = total + ki * error
-        commands.append(kp * error - kd * state[1] + total)
+        command = kp * error - kd * state[1] + total
+        command[2 + 4 * SAMPLES + k] += 1.0
+        covariance[2 + 4 * SAMPLES + k, 2 + 4 * SAMPLES + k] = command_strength**2 / INTERVAL
+        commands.append(command)
         states.append(state)
         outputs.append([state[0], acting(k - age)])
         for part, length in enumerate(lengths):
@@ -87,7 +91,7 @@ def of_delay(delay, measured):
         value = state[:, :-1] @ gain @ errors + state[:, -1]
         variance = numpy.diag(state[:, :-1] @ left @ state[:, :-1].T)
         smoothed.append([[value[i], math.sqrt(variance[i])] for i in range(2)])
-    return {"delay": delay, "log_likelihood": likelihood, "smoothed": smoothed}
+    return {"delay": delay, "command_strength": command_strength, "log_likelihood": likelihood, "smoothed": smoothed}
 
 
 def main():
@@ -95,14 +99,14 @@ def main():
     measured = [
         [round(draw.gauss(0.1, spread), 4) for _ in range(SAMPLES)] for spread in (0.2, 3.0)
     ]
-    delays = [of_delay(delay, measured) for delay in DELAYS]
+    cases = [of_case(*case, measured) for case in CASES]
     for output, missing in MISSING.items():
         for k in missing:
             measured[output][k] = None
     record = {
         "parameters": PARAMETERS, "strength": STRENGTH, "noise_std": NOISE, "start": START,
         "start_variance": START_VARIANCE, "sum_before": SUM_BEFORE, "interval": INTERVAL,
-        "reference": REFERENCE, "measured": measured, "delays": delays,
+        "reference": REFERENCE, "measured": measured, "cases": cases,
     }
     Path(__file__).with_suffix(".json").write_text(json.dumps(record, indent=1) + "\n")
 

@@ -48,33 +48,53 @@ fn rig(reference: &Value, delay: &str) -> Model {
     read.unwrap_or_else(|faults| panic!("{faults:#?}")).model
 }
 
+/// White noise on what the controller computes.
+fn white_command(model: &Model) -> Disturbance {
+    Disturbance {
+        acts_on: ActsOn::Sampled(model.description().sampled_index("command").unwrap()),
+        kind: DisturbanceKind::White,
+    }
+}
+
 /// The record as the filter expects it: for each column its samples.
 struct Filtered {
     layout: FilterLayout,
+    strengths: Vec<f64>,
     inputs: Vec<Vec<f64>>,
     columns: Vec<Vec<f64>>,
 }
 
 impl Filtered {
-    fn of(reference: &Value, delay: &str, is_traced: bool) -> Filtered {
+    fn of(reference: &Value, case: &Value, is_traced: bool) -> Filtered {
         let number = |name: &str| reference[name].as_f64().unwrap();
-        let model = rig(reference, delay);
+        let model = rig(reference, &case["delay"].to_string());
         let start_variances = numbers(&reference["start_variance"]).into_iter();
+        let command_strength = case["command_strength"].as_f64().unwrap();
+        let mut disturbances = vec![Disturbance {
+            acts_on: ActsOn::Rate(1),
+            kind: DisturbanceKind::White,
+        }];
+        let mut strengths = vec![number("strength")];
+        if command_strength > 0.0 {
+            disturbances.push(white_command(&model));
+            strengths.push(command_strength);
+        }
         let layout = FilterLayout {
-            disturbances: vec![Disturbance {
-                acts_on: ActsOn::Rate(1),
-                kind: DisturbanceKind::White,
-            }],
-            sizes: vec![1.0],
+            sizes: vec![1.0; disturbances.len()],
             starts: start_variances.map(StartVariance::Known).collect(),
-            controller: model.controller(Some(number("interval"))).unwrap(),
+            controller: model
+                .controller(Some(number("interval")), &disturbances)
+                .unwrap(),
             n_inputs: 1,
             longest_step: 0.5001 * number("interval"),
+            disturbances,
             is_traced,
         };
         let parameters = PARAMETERS.map(|name| reference["parameters"][name].as_f64().unwrap());
-        let noise = [number("strength")].into_iter();
-        let noise = noise.chain(numbers(&reference["noise_std"]));
+        let noise = strengths
+            .iter()
+            .copied()
+            .chain(numbers(&reference["noise_std"]));
         let parameters: Vec<f64> = parameters.into_iter().chain(noise).collect();
         let measured = reference["measured"]
             .as_array()
@@ -83,6 +103,7 @@ impl Filtered {
             .map(numbers);
         let mut filtered = Filtered {
             layout,
+            strengths,
             inputs: [numbers(&reference["reference"])]
                 .into_iter()
                 .chain(measured)
@@ -132,8 +153,8 @@ impl Filtered {
 #[test]
 fn a_controller_that_sees_the_true_states_has_the_likelihood_of_the_dense_density() {
     let reference = reference();
-    for case in reference["delays"].as_array().unwrap() {
-        let filtered = Filtered::of(&reference, &case["delay"].to_string(), false);
+    for case in reference["cases"].as_array().unwrap() {
+        let filtered = Filtered::of(&reference, case, false);
         let likelihood = filtered.log_likelihood();
         let expected = case["log_likelihood"].as_f64().unwrap();
         assert!(
@@ -147,13 +168,13 @@ fn a_controller_that_sees_the_true_states_has_the_likelihood_of_the_dense_densit
 #[test]
 fn smoothed_states_of_a_controlled_rig_are_the_dense_conditional_expectation() {
     let reference = reference();
-    for case in reference["delays"].as_array().unwrap() {
-        let filtered = Filtered::of(&reference, &case["delay"].to_string(), true);
+    for case in reference["cases"].as_array().unwrap() {
+        let filtered = Filtered::of(&reference, case, true);
         let record = TracedRecord {
             layout: &filtered.layout,
             inputs: filtered.driving(),
             n_outputs: 2,
-            strengths: &[reference["strength"].as_f64().unwrap()],
+            strengths: &filtered.strengths,
             columns: &filtered.columns,
         };
         let smoothed = record.smoothed();
@@ -173,13 +194,16 @@ fn smoothed_states_of_a_controlled_rig_are_the_dense_conditional_expectation() {
 #[test]
 fn delays_that_the_filter_cannot_carry_are_refused() {
     let reference = reference();
-    let controller = |delay: &str, sample_time| rig(&reference, delay).controller(sample_time);
+    let controller = |delay: &str, sample_time| rig(&reference, delay).controller(sample_time, &[]);
     let unknown = controller("damping", Some(0.1));
     assert_eq!(unknown.unwrap_err(), LayoutFault::UnknownDelay);
     let long = controller("0.85", Some(0.1));
     assert_eq!(long.unwrap_err(), LayoutFault::LongDelay);
     let uneven = controller("0.1", None);
     assert_eq!(uneven.unwrap_err(), LayoutFault::UnevenSamples);
+    let undelayed = rig(&reference, "0");
+    let at_once = undelayed.controller(Some(0.1), &[white_command(&undelayed)]);
+    assert_eq!(at_once.unwrap_err(), LayoutFault::WhiteAtOnce);
     // Without a delay the instants do not matter.
-    assert!(controller("0", None).unwrap().is_some());
+    assert!(undelayed.controller(None, &[]).unwrap().is_some());
 }

@@ -13,9 +13,12 @@ export function plainUnit(unit) {
 /** @param {DisturbanceReport["acts_on"]} actsOn */
 export function actedOn(actsOn) {
   const [[kind, name]] = Object.entries(actsOn);
-  return { parameter: words(name), state: `rate of ${words(name)}`, output: `sensor of ${words(name)}` }[
-    kind
-  ];
+  return {
+    parameter: words(name),
+    state: `rate of ${words(name)}`,
+    sampled: `computed ${words(name)}`,
+    output: `sensor of ${words(name)}`,
+  }[kind];
 }
 
 /** @param {import("page/api").Schemas["NoiseNumberReport"]} number @param {string} unit */

@@ -214,7 +214,7 @@ impl ProcessNoiseSpec {
     }
 }
 
-/// What a disturbance acts on: one of the three.
+/// What a disturbance acts on: one of the four.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, ToSchema)]
 #[serde(rename_all = "snake_case", deny_unknown_fields)]
 #[schema(as = ActsOn)]
@@ -223,6 +223,8 @@ pub enum ActsOnSpec {
     Parameter(String),
     /// A state, whose rate is disturbed.
     State(String),
+    /// What a controller within the model computes once a sample: the plant receives something else.
+    Sampled(String),
     /// An output, whose sensor drifts.
     Output(String),
 }
@@ -244,9 +246,10 @@ impl ActsOnSpec {
     #[must_use]
     pub fn name(&self) -> &str {
         match self {
-            ActsOnSpec::Parameter(name) | ActsOnSpec::State(name) | ActsOnSpec::Output(name) => {
-                name
-            }
+            ActsOnSpec::Parameter(name)
+            | ActsOnSpec::State(name)
+            | ActsOnSpec::Sampled(name)
+            | ActsOnSpec::Output(name) => name,
         }
     }
 
@@ -255,6 +258,7 @@ impl ActsOnSpec {
         match self {
             ActsOnSpec::Parameter(name) => model.parameter_index(name).map(ActsOn::Parameter),
             ActsOnSpec::State(name) => model.state_index(name).map(ActsOn::Rate),
+            ActsOnSpec::Sampled(name) => model.sampled_index(name).map(ActsOn::Sampled),
             ActsOnSpec::Output(name) => model.output_index(name).map(ActsOn::Output),
         }
     }
@@ -267,6 +271,7 @@ impl ActsOnSpec {
                 ActsOnSpec::Parameter(model.parameters[index].name.to_string())
             }
             ActsOn::Rate(index) => ActsOnSpec::State(model.states[index].name.to_string()),
+            ActsOn::Sampled(index) => ActsOnSpec::Sampled(model.sampled[index].name.to_string()),
             ActsOn::Output(index) => ActsOnSpec::Output(model.outputs[index].name.to_string()),
         }
     }
@@ -438,17 +443,20 @@ fn read_range(field: &Field<'_>) -> Option<NoiseRange> {
 
 fn read_target(field: &Field<'_>, model: &ModelDescription) -> Option<ActsOnSpec> {
     let mut object = field.object()?;
-    let [parameter, state, output] =
-        ["parameter", "state", "output"].map(|name| object.optional(name));
+    let [parameter, state, sampled, output] =
+        ["parameter", "state", "sampled", "output"].map(|name| object.optional(name));
     let parameters = model.parameters.iter().map(|parameter| &*parameter.name);
     let states = model.states.iter().map(|state| &*state.name);
     let outputs = model.outputs.iter().map(|output| &*output.name);
-    let target = match (&parameter, &state, &output) {
-        (Some(field), None, None) => named(field, parameters).map(ActsOnSpec::Parameter),
-        (None, Some(field), None) => named(field, states).map(ActsOnSpec::State),
-        (None, None, Some(field)) => named(field, outputs).map(ActsOnSpec::Output),
+    let computed = model.sampled.iter().map(|quantity| &*quantity.name);
+    let target = match (&parameter, &state, &sampled, &output) {
+        (Some(field), None, None, None) => named(field, parameters).map(ActsOnSpec::Parameter),
+        (None, Some(field), None, None) => named(field, states).map(ActsOnSpec::State),
+        (None, None, Some(field), None) => named(field, computed).map(ActsOnSpec::Sampled),
+        (None, None, None, Some(field)) => named(field, outputs).map(ActsOnSpec::Output),
         _ => {
-            let detail = "a disturbance acts on one of `parameter`, `state` and `output`";
+            let detail =
+                "a disturbance acts on one of `parameter`, `state`, `sampled` and `output`";
             field.fault("acts_on_unclear", detail);
             None
         }

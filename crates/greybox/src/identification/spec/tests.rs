@@ -51,6 +51,7 @@ fn cart() -> ModelDescription {
         input_sets: vec![vec!["reference".into()], vec!["command".into()]],
         inputs: vec![signal("reference", "m"), signal("command", "1")],
         states: vec![state("position", "m"), state("velocity", "m/s")],
+        sampled: Vec::new(),
         outputs: vec![signal("position", "m"), signal("velocity", "m/s")],
         parameters: vec![parameter("mass", true), parameter("load", false)],
         equations: vec![],

@@ -28,6 +28,11 @@ pub fn describe(definition: &Definition, faults: &Faults) -> ModelDescription {
                 .collect(),
         ],
         states: states.collect(),
+        sampled: definition
+            .sampled
+            .iter()
+            .map(|quantity| signal(&quantity.formula.declared))
+            .collect(),
         outputs: definition
             .outputs
             .iter()

@@ -56,6 +56,7 @@ pub(super) fn describe() -> ModelDescription {
         ],
         input_sets: vec![vec!["reference".into()], vec!["valve_command".into()]],
         states: states(),
+        sampled: Vec::new(),
         outputs: vec![
             signal(
                 "position",
