@@ -9,7 +9,9 @@
 use super::noise_scan::{NoiseScan, ScannedBasis, compared};
 use super::prior::Prior;
 use super::problem::Problem;
-use super::process_noise::{NoiseFault, NoiseModel, NoiseNumber, ProcessNoise, filtered};
+use super::process_noise::{
+    NoiseFault, NoiseModel, NoiseNumber, ProcessNoise, filtered, recorded_quantities,
+};
 use super::refine::{self, Linearisation};
 use super::sensitivity::SensitivityError;
 use super::sought_noise::{SoughtDisturbance, SoughtNumber, candidates};
@@ -439,17 +441,24 @@ impl NoiseFit<'_> {
             let time_constant = number(sought.time_constant, self.memories());
             self.disturbance(sought, number(sought.strength, strength), time_constant)
         });
+        let disturbances: Vec<ProcessNoise> = disturbed.collect();
+        let recorded = recorded_quantities(self.problem, &disturbances);
         let outputs = self.problem.outputs.iter().zip(self.deviations);
-        let sensors = outputs.map(|(output, deviation)| match output.noise_std {
-            Some(noise) => NoiseNumber::Given(noise),
-            None => NoiseNumber::Unknown {
-                lower: LEAST_SENSOR * deviation,
-                upper: 2.0 * deviation,
-                prior: None,
-            },
+        let sensors = outputs.map(|(output, deviation)| {
+            let is_recorded = recorded.iter().any(|shown| shown.output == output.index);
+            match output.noise_std {
+                Some(noise) => NoiseNumber::Given(noise),
+                // What acted has no residuals that a noise would explain.
+                None if is_recorded => NoiseNumber::Given(*deviation),
+                None => NoiseNumber::Unknown {
+                    lower: LEAST_SENSOR * deviation,
+                    upper: 2.0 * deviation,
+                    prior: None,
+                },
+            }
         });
         NoiseModel {
-            disturbances: disturbed.collect(),
+            disturbances,
             sensors: sensors.collect(),
             steps: 1,
         }

@@ -9,7 +9,9 @@
 use super::loss::Loss;
 use super::prior::Prior;
 use super::problem::{Coordinate, Experiment, Innovations, Problem, Target};
-use greybox_simulation::filter::{ControllerLayout, FilterLayout, LayoutFault, StartVariance};
+use greybox_simulation::filter::{
+    ControllerLayout, FilterLayout, LayoutFault, RecordedQuantity, StartVariance,
+};
 use greybox_simulation::model::{ModelDescription, Scale};
 use greybox_simulation::program::{ActsOn, Disturbance, DisturbanceKind};
 use std::sync::Arc;
@@ -123,6 +125,8 @@ pub struct FilteredRecord {
     pub starts: Vec<StartVariance>,
     /// The controller that the model computes from its states once a sample.
     pub controller: Option<ControllerLayout>,
+    /// What the controller computes and a measured output shows.
+    pub recorded: Vec<RecordedQuantity>,
     /// How many inputs the model reads.
     pub n_inputs: usize,
     /// The longest step of the covariance `[s]`.
@@ -140,6 +144,7 @@ pub fn layout(disturbances: &[ProcessNoise], record: FilteredRecord) -> FilterLa
             .collect(),
         starts: record.starts,
         controller: record.controller,
+        recorded: record.recorded,
         n_inputs: record.n_inputs,
         longest_step: record.longest_step,
         is_traced: false,
@@ -238,6 +243,7 @@ pub(super) fn layout_of(problem: &Problem, noise: &NoiseModel) -> Result<FilterL
     let record = FilteredRecord {
         starts: starts(problem),
         controller: controller(problem, &noise.disturbances).map_err(NoiseFault::Model)?,
+        recorded: recorded_quantities(problem, &noise.disturbances),
         n_inputs: problem.model.description().inputs.len(),
         longest_step: longest_step(problem, noise.steps),
     };
@@ -260,7 +266,7 @@ pub(super) fn filtered_by(
         model: Arc::new(model),
         experiments: Arc::new(
             experiments
-                .map(|data| with_measurements(problem, data))
+                .map(|data| with_measurements(problem, data, &layout.recorded))
                 .collect(),
         ),
         innovations: Some(Arc::new(Innovations {
@@ -346,6 +352,30 @@ fn starts(problem: &Problem) -> Vec<StartVariance> {
         .collect()
 }
 
+/// What the controller computes and a compared output shows: what was recorded has acted, and the output tells
+/// nothing more. A quantity is not among them where an unknown decides what is computed, or where a disturbance
+/// is looked for in it.
+pub fn recorded_quantities(
+    problem: &Problem,
+    disturbances: &[ProcessNoise],
+) -> Vec<RecordedQuantity> {
+    let parameter = |coordinate: &Coordinate| match coordinate.target {
+        Target::Parameter(parameter) => Some(parameter),
+        _ => None,
+    };
+    let unknown: Vec<usize> = problem.coordinates.iter().filter_map(parameter).collect();
+    let mut shown = problem.model.recorded_quantities(&unknown);
+    shown.retain(|shown| {
+        let acts_on = ActsOn::Sampled(shown.quantity);
+        let mut compared = problem.outputs.iter();
+        compared.any(|output| output.index == shown.output)
+            && disturbances
+                .iter()
+                .all(|noise| noise.disturbance.acts_on != acts_on)
+    });
+    shown
+}
+
 /// The controller within the model; the samples of all experiments must suit it.
 fn controller(
     problem: &Problem,
@@ -375,7 +405,11 @@ fn longest_step(problem: &Problem, steps: u32) -> f64 {
 /// The experiment with its measured outputs behind the inputs, in the order of the model's. Samples that are
 /// held back correct nothing: what is expected of them is the free run's, with the deviation that the
 /// disturbances give it.
-fn with_measurements(problem: &Problem, data: &Experiment) -> Experiment {
+fn with_measurements(
+    problem: &Problem,
+    data: &Experiment,
+    recorded: &[RecordedQuantity],
+) -> Experiment {
     let description = problem.model.description();
     let mut next = data.clone();
     // A model that has several input sets reads those of the set in use first.
@@ -397,5 +431,15 @@ fn with_measurements(problem: &Problem, data: &Experiment) -> Experiment {
                 },
             )
         }));
+    // What acted is no measurement to be explained.
+    for shown in recorded {
+        let place = problem
+            .outputs
+            .iter()
+            .position(|output| output.index == shown.output);
+        if let Some(place) = place {
+            next.measured[place].fill(f64::NAN);
+        }
+    }
     next
 }

@@ -1,7 +1,8 @@
 //! Disturbances whose numbers are looked for, and the noise models that a problem may have.
 
 use super::problem::Problem;
-use super::process_noise::NoiseNumber;
+use super::process_noise::{NoiseNumber, recorded_quantities};
+use greybox_simulation::filter::RecordedQuantity;
 use greybox_simulation::program::{ActsOn, Disturbance, DisturbanceKind};
 
 /// Disturbed states at the most.
@@ -49,8 +50,12 @@ pub fn candidates(problem: &Problem) -> Vec<Vec<SoughtDisturbance>> {
         let on_rate = |state: &usize| SoughtDisturbance::open(ActsOn::Rate(*state), kind);
         candidates.extend(states.map(|state| vec![on_rate(state)]));
     }
-    candidates.extend(of_controller(problem));
+    let recorded = recorded_quantities(problem, &[]);
+    candidates.extend(of_controller(problem, &recorded));
+    // What acted was recorded as it was: its sensor does not drift.
+    let is_measured = |output: &usize| recorded.iter().all(|shown| shown.output != *output);
     let outputs = problem.outputs.iter().map(|output| output.index);
+    let outputs = outputs.filter(is_measured);
     candidates.extend(outputs.map(|output| {
         let acts_on = ActsOn::Output(output);
         vec![SoughtDisturbance::open(acts_on, DisturbanceKind::Memory)]
@@ -58,12 +63,15 @@ pub fn candidates(problem: &Problem) -> Vec<Vec<SoughtDisturbance>> {
     candidates
 }
 
-/// Disturbances of what a controller within the model computes, as far as the filter can carry them.
-fn of_controller(problem: &Problem) -> Vec<Vec<SoughtDisturbance>> {
+/// Disturbances of what a controller within the model computes and no output shows, as far as the filter can
+/// carry them.
+fn of_controller(problem: &Problem, recorded: &[RecordedQuantity]) -> Vec<Vec<SoughtDisturbance>> {
     let n_quantities = problem.model.description().sampled.len();
     let kinds = [DisturbanceKind::White, DisturbanceKind::Memory];
     let all = kinds.into_iter().flat_map(|kind| {
-        (0..n_quantities.min(MOST_STATES))
+        (0..n_quantities)
+            .filter(|quantity| recorded.iter().all(|shown| shown.quantity != *quantity))
+            .take(MOST_STATES)
             .map(move |quantity| SoughtDisturbance::open(ActsOn::Sampled(quantity), kind))
     });
     let is_possible = |sought: &SoughtDisturbance| {

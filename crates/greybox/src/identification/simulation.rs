@@ -177,6 +177,7 @@ impl Run {
             let filtered = FilteredRecord {
                 starts: vec![StartVariance::Known(0.0); description.states.len()],
                 controller,
+                recorded: Vec::new(),
                 n_inputs: self.inputs.len(),
                 longest_step: sample_time / COVARIANCE_STEPS,
             };

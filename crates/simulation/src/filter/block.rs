@@ -203,6 +203,7 @@ impl<'a> FilterBlock<'a> {
             {
                 self.run_controller();
             }
+            self.take_recorded();
             self.block
                 .write_outputs(stretches.as_deref(), &mut self.row);
             if sample == 0 {
@@ -268,6 +269,24 @@ impl<'a> FilterBlock<'a> {
         whites
             .map(|noise| (noise.state, noise.diffusion / length))
             .collect()
+    }
+
+    /// Lets what was recorded of the controller act.
+    #[inline(always)]
+    fn take_recorded(&mut self) {
+        let Some(controller) = &mut self.controller else {
+            return;
+        };
+        let SimulationBlock {
+            integrator,
+            excitation,
+            sample,
+            ..
+        } = &mut self.block;
+        let measured = &excitation.inputs[self.layout.n_inputs..];
+        let recorded = self.layout.recorded.iter();
+        let recorded = recorded.map(|shown| (shown.quantity, measured[shown.output][*sample]));
+        controller.take_recorded(recorded, &mut integrator.states, &mut self.covariance);
     }
 
     /// Computes what the controller makes of the states as they stand.

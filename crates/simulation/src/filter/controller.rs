@@ -60,6 +60,8 @@ pub struct SampledController {
     first: usize,
     /// Each quantity before the first sample.
     before: Vec<Lanes>,
+    /// For each quantity whether its recorded value acts at the sample at hand.
+    is_recorded: Vec<bool>,
     /// ∂quantity/∂state over all states, where the quantities were computed last.
     pub by_state: Matrix,
 }
@@ -72,6 +74,7 @@ impl SampledController {
             layout,
             first,
             before,
+            is_recorded: vec![false; layout.n_quantities],
             by_state: vec![Lanes::splat(0.0); layout.n_quantities * n_states],
         }
     }
@@ -88,20 +91,48 @@ impl SampledController {
         }
     }
 
-    /// The slots that a value computed at a sample fills: before the record the plant saw the first value.
-    fn filled(&self, sample: usize) -> impl Iterator<Item = (usize, Range<usize>)> + use<> {
-        let kept = if sample == 0 {
-            self.layout.n_slots()
-        } else {
-            1
+    /// The slots that a value computed at a sample fills: before the record the plant saw the first value, and
+    /// where what acts was recorded no computed value acts.
+    fn filled(&self, sample: usize) -> impl Iterator<Item = (usize, Range<usize>)> {
+        let layout = self.layout;
+        let kept = match sample {
+            0 => layout.n_slots(),
+            _ => 1,
         };
-        self.layout.slots(self.first, kept)
+        let computed = move |(quantity, slots): (usize, Range<usize>)| {
+            let kept = match self.is_recorded[quantity] {
+                true => kept.min(layout.delay),
+                false => kept,
+            };
+            (quantity, slots.start..slots.start + kept)
+        };
+        let slots = layout.slots(self.first, kept).map(computed);
+        slots.filter(|(_, slots)| !slots.is_empty())
+    }
+
+    /// Lets the recorded value of each quantity act, where there is one at the sample.
+    pub fn take_recorded(
+        &mut self,
+        recorded: impl Iterator<Item = (usize, f64)>,
+        states: &mut [Lanes],
+        covariance: &mut StateCovariance,
+    ) {
+        let less = states.len() - covariance.states.len();
+        for (quantity, value) in recorded {
+            self.is_recorded[quantity] = !value.is_nan();
+            if self.is_recorded[quantity] {
+                let acting = self.layout.acting(self.first, quantity);
+                states[acting] = Lanes::splat(value);
+                covariance.fix(acting - less);
+            }
+        }
     }
 
     /// Puts what the controller has computed at a sample among the states.
     pub fn put(&mut self, quantities: &[Lanes], sample: usize, states: &mut [Lanes]) {
         let n_states = states.len();
-        for (quantity, slots) in self.filled(sample) {
+        let filled: Vec<_> = self.filled(sample).collect();
+        for (quantity, slots) in filled {
             states[slots].fill(quantities[quantity]);
             if sample == 0 {
                 // No slot was filled by an earlier sample.

@@ -64,6 +64,16 @@ impl StateCovariance {
         self.matrix[place * (n + 1)] = variance;
     }
 
+    /// The state at a place is known.
+    #[inline(always)]
+    pub fn fix(&mut self, place: usize) {
+        let n = self.states.len();
+        for index in 0..n {
+            self.matrix[place * n + index] = Lanes::splat(0.0);
+            self.matrix[index * n + place] = Lanes::splat(0.0);
+        }
+    }
+
     /// Makes the state at the place `to` the state at the place `from`.
     #[inline(always)]
     pub fn copy(&mut self, from: usize, to: usize) {

@@ -15,6 +15,8 @@ pub struct FilterLayout {
     pub starts: Vec<StartVariance>,
     /// The controller that the model computes from its states once a sample.
     pub controller: Option<ControllerLayout>,
+    /// What the controller computes and a measured output shows: what was recorded has acted.
+    pub recorded: Vec<RecordedQuantity>,
     /// How many inputs the model reads; the measured outputs stand behind them.
     pub n_inputs: usize,
     /// The longest step of the covariance `[s]`; the time between two samples is cut into steps
@@ -22,6 +24,15 @@ pub struct FilterLayout {
     pub longest_step: f64,
     /// Whether each sample is answered with all that a smoother needs of it.
     pub is_traced: bool,
+}
+
+/// A quantity of the controller that an output shows, by their places in the model's description.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct RecordedQuantity {
+    /// The output.
+    pub output: usize,
+    /// The quantity that is computed once a sample.
+    pub quantity: usize,
 }
 
 /// Where the parameters of a disturbance stand.

@@ -18,7 +18,7 @@ mod trace;
 mod transition;
 
 pub use controller::ControllerLayout;
-pub use layout::FilterLayout;
+pub use layout::{FilterLayout, RecordedQuantity};
 pub use plant::{FilteredPlant, LONGEST_DELAY, LayoutFault};
 pub use smoother::{SmoothedPath, SmoothedRecord, TracedRecord};
 pub use start::StartVariance;

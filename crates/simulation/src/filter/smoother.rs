@@ -232,7 +232,8 @@ impl TracedRecord<'_> {
         self.layout.disturbances[disturbance].kind == DisturbanceKind::White
     }
 
-    /// Takes in what was measured at a sample, the last output first.
+    /// Takes in what was measured at a sample, the last output first. What was recorded of a controller owes
+    /// nothing to the states before.
     fn take_sample(&self, adjoint: &mut Adjoint, row: &[f64], trace: TraceLayout, sample: usize) {
         for output in (0..self.n_outputs).rev() {
             let measured = self.inputs.inputs[self.layout.n_inputs + output][sample];
@@ -241,6 +242,13 @@ impl TracedRecord<'_> {
                 let variance = row[self.n_outputs + output];
                 let derivatives = &row[trace.derivatives(output)];
                 adjoint.take_output(derivatives, &row[trace.gain(output)], [error, variance]);
+            }
+        }
+        let first = self.layout.first_of_controller();
+        for shown in &self.layout.recorded {
+            let measured = self.inputs.inputs[self.layout.n_inputs + shown.output][sample];
+            if let Some(controller) = self.layout.controller.filter(|_| !measured.is_nan()) {
+                adjoint.forget(controller.acting(first, shown.quantity));
             }
         }
     }

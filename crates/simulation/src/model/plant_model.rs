@@ -3,7 +3,7 @@
 use super::specialised::Specialised;
 use super::{ModelDescription, ParameterDescription, SignalDescription};
 use crate::Plant;
-use crate::filter::{ControllerLayout, FilterLayout, FilteredPlant, LayoutFault};
+use crate::filter::{ControllerLayout, FilterLayout, FilteredPlant, LayoutFault, RecordedQuantity};
 use crate::native::{Dynamics, Native};
 use crate::program::{Disturbance, Probes, Program};
 use std::borrow::Cow;
@@ -175,6 +175,14 @@ impl Model {
         program.map_or(Ok(None), |program| {
             program.controller(sample_time, disturbances)
         })
+    }
+
+    /// The outputs that show what a controller computes, and nothing else, where none of these parameters, by
+    /// their places, decides what is computed.
+    #[must_use]
+    pub fn recorded_quantities(&self, unknown: &[usize]) -> Vec<RecordedQuantity> {
+        let program = self.program.as_ref();
+        program.map_or_else(Vec::new, |program| program.recorded_quantities(unknown))
     }
 
     /// The model as the filter sees it, where disturbances move its plant ([`FilteredPlant`]): the

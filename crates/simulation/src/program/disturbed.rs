@@ -2,7 +2,7 @@
 //! on a parameter, on the rate of a state or on an output.
 
 use super::rewrite::{EquationGraph, Roots};
-use crate::filter::{ControllerLayout, FilterLayout};
+use crate::filter::{ControllerLayout, FilterLayout, RecordedQuantity};
 use crate::language::graph::{Full, Graph, GraphNode, Leaf, NodeId};
 use crate::language::operation::Operation;
 
@@ -70,6 +70,33 @@ impl EquationGraph {
             .filter(|(state, rate)| reads_input(*rate) || is_rate(*state))
             .map(|(state, _)| state)
             .collect()
+    }
+
+    /// The outputs that show what is computed once a sample, and nothing else.
+    pub(super) fn recorded_quantities(&self) -> Vec<RecordedQuantity> {
+        let nodes = self.graph.nodes();
+        let shown = |(output, root): (usize, &NodeId)| match nodes[usize::from(*root)] {
+            GraphNode::Leaf(Leaf::Sampled(quantity)) => Some(RecordedQuantity {
+                output,
+                quantity: usize::from(quantity),
+            }),
+            _ => None,
+        };
+        self.roots
+            .outputs
+            .iter()
+            .enumerate()
+            .filter_map(shown)
+            .collect()
+    }
+
+    /// Whether a quantity that is computed once a sample follows from a parameter.
+    pub(super) fn computes_from(&self, quantity: usize, parameter: usize) -> bool {
+        let EquationGraph { graph, roots } = self;
+        let needed = graph.needed([roots.sampled[quantity].0]);
+        let leaf = GraphNode::Leaf(Leaf::Parameter(parameter as u16));
+        let mut nodes = graph.nodes().iter().zip(needed);
+        nodes.any(|(node, needed)| needed && *node == leaf)
     }
 
     /// Whether the delay follows from constants and the sample time alone.

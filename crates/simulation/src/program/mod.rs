@@ -20,7 +20,7 @@ pub use rewrite::{EquationGraph, Roots};
 
 use super::block::SimulationBlock;
 use super::equations::{Equations, HeldQuantities, System};
-use super::filter::{ControllerLayout, FilterLayout, LONGEST_DELAY, LayoutFault};
+use super::filter::{ControllerLayout, FilterLayout, LONGEST_DELAY, LayoutFault, RecordedQuantity};
 use super::input_delay::SAME;
 use super::{BlockSimulator, CandidateBlock, DrivingInputs, Plant};
 use crate::language::operation::LookupTable;
@@ -176,6 +176,19 @@ impl Program {
             n_quantities: lists.roots.sampled.len(),
             delay: delay as usize,
         }))
+    }
+
+    /// The outputs that show what is computed once a sample, and nothing else, where none of these parameters
+    /// decides what is computed.
+    #[must_use]
+    pub fn recorded_quantities(&self, unknown: &[usize]) -> Vec<RecordedQuantity> {
+        let is_known = |shown: &RecordedQuantity| {
+            let mut unknown = unknown.iter();
+            !unknown.any(|parameter| self.equations.computes_from(shown.quantity, *parameter))
+        };
+        let mut shown = self.equations.recorded_quantities();
+        shown.retain(is_known);
+        shown
     }
 
     /// The states that a force, an inflow or a current moves, by their places: those whose rate reads an input,

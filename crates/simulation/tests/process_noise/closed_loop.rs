@@ -85,6 +85,7 @@ impl Filtered {
             controller: model
                 .controller(Some(number("interval")), &disturbances)
                 .unwrap(),
+            recorded: Vec::new(),
             n_inputs: 1,
             longest_step: 0.5001 * number("interval"),
             disturbances,

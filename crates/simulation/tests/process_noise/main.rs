@@ -64,6 +64,7 @@ fn layout(acts_on: ActsOn, kind: DisturbanceKind, size: f64, starts: &[f64]) -> 
         sizes: vec![size],
         starts: starts.iter().copied().map(StartVariance::Known).collect(),
         controller: None,
+        recorded: Vec::new(),
         n_inputs: 0,
         longest_step: f64::INFINITY,
         is_traced: false,

@@ -73,6 +73,7 @@ impl Filtered {
                 .map(StartVariance::Known)
                 .collect(),
             controller: None,
+            recorded: Vec::new(),
             n_inputs: 1,
             longest_step: 0.06,
             is_traced: true,
