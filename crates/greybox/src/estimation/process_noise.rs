@@ -336,8 +336,26 @@ fn add(problem: &mut Problem, name: &str, number: NoiseNumber) {
     }
 }
 
-/// A state whose start is an unknown begins with what disturbances make in one interval; every
-/// other start is known.
+/// The variance of a state's start that is the first sample of the output which shows the state: that of the
+/// sensor's noise, or of the whole signal where no noise is declared.
+fn variance_of_first_sample(problem: &Problem, state: usize) -> Option<f64> {
+    let shown = problem.model.shown_states();
+    let place = problem
+        .outputs
+        .iter()
+        .position(|output| shown.get(output.index) == Some(&Some(state)))?;
+    let begins_there = |data: &Experiment| {
+        let mut measured = data.measured[place].iter();
+        data.initial_state[state].is_some()
+            && measured.find(|value| !value.is_nan()).copied() == data.initial_state[state]
+    };
+    let mut experiments = problem.experiments.iter();
+    let scale = problem.outputs[place].residual_scale;
+    experiments.all(begins_there).then_some(scale * scale)
+}
+
+/// A state whose start is an unknown begins with what disturbances make in one interval, and one that starts at
+/// a measured sample is known as well as the sample; every other start is known.
 fn starts(problem: &Problem) -> Vec<StartVariance> {
     let is_unknown = |index: usize| {
         let of_state = |coordinate: &Coordinate| matches!(coordinate.target, Target::InitialState { state, .. } if state == index);
@@ -347,7 +365,10 @@ fn starts(problem: &Problem) -> Vec<StartVariance> {
     states
         .map(|state| match is_unknown(state) {
             true => StartVariance::OneInterval,
-            false => StartVariance::Known(0.0),
+            false => {
+                let variance = variance_of_first_sample(problem, state);
+                StartVariance::Known(variance.unwrap_or(0.0))
+            }
         })
         .collect()
 }

@@ -177,6 +177,14 @@ impl Model {
         })
     }
 
+    /// For each output the state that it shows, by its place, where it shows nothing else; empty where the
+    /// equations are not those of a document.
+    #[must_use]
+    pub fn shown_states(&self) -> Vec<Option<usize>> {
+        let program = self.program.as_ref();
+        program.map_or_else(Vec::new, |program| program.shown_states())
+    }
+
     /// The outputs that show what a controller computes, and nothing else, where none of these parameters, by
     /// their places, decides what is computed.
     #[must_use]

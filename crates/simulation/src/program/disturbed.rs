@@ -72,6 +72,16 @@ impl EquationGraph {
             .collect()
     }
 
+    /// For each output the state that it shows, where it shows nothing else.
+    pub(super) fn shown_states(&self) -> Vec<Option<usize>> {
+        let nodes = self.graph.nodes();
+        let shown = |root: &NodeId| match nodes[usize::from(*root)] {
+            GraphNode::Leaf(Leaf::State(state)) => Some(usize::from(state)),
+            _ => None,
+        };
+        self.roots.outputs.iter().map(shown).collect()
+    }
+
     /// The outputs that show what is computed once a sample, and nothing else.
     pub(super) fn recorded_quantities(&self) -> Vec<RecordedQuantity> {
         let nodes = self.graph.nodes();

@@ -178,6 +178,12 @@ impl Program {
         }))
     }
 
+    /// For each output the state that it shows, by its place, where it shows nothing else.
+    #[must_use]
+    pub fn shown_states(&self) -> Vec<Option<usize>> {
+        self.equations.shown_states()
+    }
+
     /// The outputs that show what is computed once a sample, and nothing else, where none of these parameters
     /// decides what is computed.
     #[must_use]
