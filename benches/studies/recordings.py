@@ -48,7 +48,9 @@ PLANTS = {
     "emps_closed_loop": {
         "file": "emps.csv", "document": "closed_loop_drive",
         "signals": {"reference": "reference", "position": "position", "acting_voltage": "voltage"},
-        "windows": halves(0, 12.4, 24.8),
+        # A window begins in motion.
+        "initial_state": {"velocity": {"estimate": {"lower": -0.5, "upper": 0.5}}},
+        "windows": [(6.2 * k, 6.2 * (k + 1)) for k in range(4)],
         "published": PUBLISHED_AXIS,
     },
     "crane": {
@@ -90,6 +92,8 @@ def identify(program, data, plant, window, noise):
     """The result of one job, and how long it took."""
     document = json.loads((DOCUMENTS / f"{plant['document']}.json").read_text())
     experiment = {"signals": plant["signals"]} if plant["signals"] else {}
+    if "initial_state" in plant:
+        experiment["initial_state"] = plant["initial_state"]
     if window:
         experiment["window"] = {"from_s": window[0], "to_s": window[1]}
     job = {

@@ -10,7 +10,8 @@ use super::noise_scan::{NoiseScan, ScannedBasis, compared};
 use super::prior::Prior;
 use super::problem::Problem;
 use super::process_noise::{
-    NoiseFault, NoiseModel, NoiseNumber, ProcessNoise, filtered, recorded_quantities,
+    NoiseFault, NoiseModel, NoiseNumber, ProcessNoise, filtered, filtered_by, layout_of,
+    recorded_quantities,
 };
 use super::refine::{self, Linearisation};
 use super::sensitivity::SensitivityError;
@@ -18,6 +19,7 @@ use super::sought_noise::{SoughtDisturbance, SoughtNumber, candidates};
 use super::trajectory;
 use greybox_numerics::statistics;
 use greybox_simulation::Accuracy;
+use greybox_simulation::filter::StartVariance;
 use greybox_simulation::model::Scale;
 use greybox_simulation::program::{ActsOn, Disturbance, DisturbanceKind};
 use rayon::prelude::*;
@@ -243,7 +245,14 @@ pub fn variances_made(
             sensors: vec![NoiseNumber::Given(0.0); problem.outputs.len()],
             steps: 1,
         };
-        let alone = filtered(problem, &alone)?.without_measurements(|_| 0);
+        let mut layout = layout_of(problem, &alone)?;
+        // The error of a start is not made by a disturbance.
+        for start in &mut layout.starts {
+            if let StartVariance::Known(variance) = start {
+                *variance = 0.0;
+            }
+        }
+        let alone = filtered_by(problem, &alone, &layout)?.without_measurements();
         let Some(around) = compared(&alone, &[positions.to_vec()], stop) else {
             return Ok(None);
         };
@@ -253,13 +262,17 @@ pub fn variances_made(
     Ok(Some(variances))
 }
 
-/// The root mean square of each output's residuals in the free run, SI. Answers nothing when `stop` was raised.
+/// The root mean square of what each output leaves where nothing but the inputs moves the plant, SI, and what was
+/// recorded of a controller: one that the model computes would hold disturbances down that the recorded one has
+/// not. Answers nothing when `stop` was raised.
 #[must_use]
 pub fn residual_deviations(
     problem: &Problem,
     estimate: &[f64],
     stop: &AtomicBool,
 ) -> Option<Vec<f64>> {
+    let driven = driven_as_recorded(problem);
+    let problem = driven.as_ref().unwrap_or(problem);
     let simulated = trajectory::simulate(problem, estimate, stop)?;
     let simulated = simulated.unwrap_or_default();
     let deviation = |place: usize| {
@@ -280,6 +293,23 @@ pub fn residual_deviations(
         statistics::mean(squares).map_or(problem.outputs[place].residual_scale, f64::sqrt)
     };
     Some((0..problem.outputs.len()).map(deviation).collect())
+}
+
+/// The problem with the recorded values of what a controller within the model computes; none where no output
+/// shows such a quantity.
+fn driven_as_recorded(problem: &Problem) -> Option<Problem> {
+    if problem.innovations.is_some() || recorded_quantities(problem, &[]).is_empty() {
+        return None;
+    }
+    let outputs = problem.outputs.iter();
+    let nothing_acts = NoiseModel {
+        disturbances: Vec::new(),
+        sensors: outputs
+            .map(|output| NoiseNumber::Given(output.residual_scale))
+            .collect(),
+        steps: 1,
+    };
+    filtered(problem, &nothing_acts).ok()
 }
 
 /// What a noise model is fitted to.

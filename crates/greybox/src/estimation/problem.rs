@@ -136,15 +136,16 @@ pub struct Filled {
 }
 
 impl Problem {
-    /// The problem where innovations are compared, as if no output had been measured from a sample on
-    /// that `first` answers for each experiment.
+    /// The problem where innovations are compared, as if no output had been measured but for those that show what
+    /// acted.
     #[must_use]
-    pub fn without_measurements(mut self, first: impl Fn(&Experiment) -> usize) -> Problem {
+    pub fn without_measurements(mut self) -> Problem {
         if let Some(innovations) = &self.innovations {
             for data in Arc::make_mut(&mut self.experiments) {
-                let first = first(data);
-                let measured = data.measured_inputs(innovations).iter_mut();
-                measured.for_each(|samples| samples[first..].fill(f64::NAN));
+                let measured = data.measured_inputs(innovations).iter_mut().enumerate();
+                let explained =
+                    measured.filter(|(output, _)| !innovations.recorded.contains(output));
+                explained.for_each(|(_, samples)| samples.fill(f64::NAN));
             }
         }
         self

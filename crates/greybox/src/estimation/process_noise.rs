@@ -271,6 +271,7 @@ pub(super) fn filtered_by(
         ),
         innovations: Some(Arc::new(Innovations {
             n_outputs: description.outputs.len(),
+            recorded: layout.recorded.iter().map(|shown| shown.output).collect(),
             least_variances: noise
                 .sensors
                 .iter()

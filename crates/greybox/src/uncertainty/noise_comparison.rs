@@ -300,8 +300,7 @@ impl NoiseComparison {
     /// The fits with what their disturbances make, in the order of the trials; none where a fit failed. Answers
     /// nothing when `stop` was raised.
     fn weighed(&self, stop: &AtomicBool) -> Option<Vec<Option<Arc<WeighedNoise>>>> {
-        let positions = &self.report.positions;
-        let deviations = noise_ladder::residual_deviations(&self.problem, positions, stop)?;
+        let deviations = self.left_without_disturbances(stop)?;
         let mut weighed = self.weighed.clone();
         for trial in &self.trials[weighed.len()..] {
             weighed.push(match trial.fitted(stop)? {
@@ -313,6 +312,22 @@ impl NoiseComparison {
             });
         }
         Some(weighed)
+    }
+
+    /// The root mean square of what each output leaves where nothing but the inputs moves the plant: in the free
+    /// run or, where what a controller computed was recorded, in the fit without disturbances. Answers nothing
+    /// when `stop` was raised.
+    fn left_without_disturbances(&self, stop: &AtomicBool) -> Option<Vec<f64>> {
+        let innovations = self
+            .trials
+            .first()
+            .and_then(|first| first.trial.problem.innovations.as_ref());
+        if innovations.is_some_and(|rows| !rows.recorded.is_empty())
+            && let Some(fit) = self.trials[0].fitted(stop)?
+        {
+            return noise_ladder::residual_deviations(&fit.trial.problem, &fit.positions, stop);
+        }
+        noise_ladder::residual_deviations(&self.problem, &self.report.positions, stop)
     }
 
     /// Whether the free run with what is taken as known where the data and the tolerances put it is likelier than

@@ -348,7 +348,7 @@ impl<'a> FilterBlock<'a> {
                 outputs[trace.gain(output)].copy_from_slice(&self.covariance.gain);
             }
             let measured = excitation.inputs[first_measured + output][*sample];
-            if !measured.is_nan() {
+            if !measured.is_nan() && !self.layout.shows_what_acted(output) {
                 self.covariance.correct(predicted, measured);
             }
         }

@@ -48,6 +48,11 @@ impl FilterLayout {
         self.starts.len() + self.disturbances.len()
     }
 
+    /// Whether an output shows what acted: the output corrects nothing.
+    pub(super) fn shows_what_acted(&self, output: usize) -> bool {
+        self.recorded.iter().any(|shown| shown.output == output)
+    }
+
     /// The number of all states.
     pub(super) fn n_states(&self) -> usize {
         let of_controller = self.controller.map_or(0, ControllerLayout::n_states);

@@ -237,7 +237,7 @@ impl TracedRecord<'_> {
     fn take_sample(&self, adjoint: &mut Adjoint, row: &[f64], trace: TraceLayout, sample: usize) {
         for output in (0..self.n_outputs).rev() {
             let measured = self.inputs.inputs[self.layout.n_inputs + output][sample];
-            if !measured.is_nan() {
+            if !measured.is_nan() && !self.layout.shows_what_acted(output) {
                 let error = measured - row[output];
                 let variance = row[self.n_outputs + output];
                 let derivatives = &row[trace.derivatives(output)];

@@ -5,6 +5,9 @@
 pub struct Innovations {
     /// How many outputs the model has; the variance of each stands so many places behind it.
     pub n_outputs: usize,
+    /// The outputs, by their places in the model's description, that show what a controller computed: what was
+    /// recorded of them has acted.
+    pub recorded: Vec<usize>,
     /// For each compared output the least variance that its sensor can have.
     pub least_variances: Vec<f64>,
     /// The places of the coordinates that are the logarithm of how large a noise is: strengths of disturbances and
