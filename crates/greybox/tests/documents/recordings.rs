@@ -178,6 +178,42 @@ fn the_arm_with_jittered_time_stamps() {
     assert!(fit > 50.0, "{fit}");
 }
 
+/// Published (inverse dynamics, least squares): 95.11 kg, 203.5 N·s/m, 20.39 N, −3.16 N. The recorded voltage drives
+/// the filter in the place of the voltage that the controller within the document computes.
+#[test]
+fn the_drive_in_closed_loop_as_its_recorded_voltage_drove_it() {
+    let Some(recording) = recording("emps.csv") else {
+        return;
+    };
+    let signals =
+        json!({"reference": "reference", "position": "position", "acting_voltage": "voltage"});
+    let start = json!({"velocity": {"estimate": {"lower": -0.5, "upper": 0.5}}});
+    let outcome = identify(
+        "closed_loop_drive",
+        recording,
+        &json!({
+            "experiments": [{
+                "signals": signals, "initial_state": start, "window": {"from_s": 6.2, "to_s": 12.4}
+            }],
+            "process_noise": "auto",
+        }),
+    );
+    for (name, published, tolerance) in [
+        ("mass", 95.1089, 0.01),
+        ("viscous_friction", 203.5034, 0.06),
+        ("coulomb_friction", 20.3935, 0.06),
+    ] {
+        let estimate = &outcome.parameter(name).expect("a free parameter").estimate;
+        let distance = (estimate.estimate / published - 1.0).abs();
+        assert!(
+            distance < tolerance,
+            "{name} {}, published {published}",
+            estimate.estimate
+        );
+        assert_eq!(estimate.trust, Some(Trust::Moderate), "{name}");
+    }
+}
+
 /// Published (inverse dynamics, least squares): 95.11 kg, 203.5 N·s/m, 20.39 N, −3.16 N.
 #[test]
 fn the_drive_in_closed_loop_with_its_known_controller() {

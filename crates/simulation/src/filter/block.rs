@@ -3,6 +3,7 @@
 use super::controller::SampledController;
 use super::covariance::StateCovariance;
 use super::layout::FilterLayout;
+use super::noises::{Noise, noises, white_variances};
 use super::start::StartVariance;
 use super::trace::TraceLayout;
 use super::transition::{CovarianceStep, Matrix, StepCovariance};
@@ -64,42 +65,6 @@ struct StepEnd {
     rates: Vec<Lanes>,
 }
 
-/// A disturbance of each candidate.
-struct Noise {
-    /// The state of the disturbance.
-    state: usize,
-    kind: DisturbanceKind,
-    /// What the disturbance gains in a second: its unit squared per second.
-    diffusion: Lanes,
-    /// The variance at the first sample.
-    start: Lanes,
-}
-
-/// The disturbances of candidates with these parameters.
-fn noises(
-    layout: &FilterLayout,
-    n_model_parameters: usize,
-    parameter: impl Fn(usize) -> Lanes,
-) -> Vec<Noise> {
-    let two = Lanes::splat(2.0);
-    let parameters = layout.noise_parameters(n_model_parameters);
-    let disturbances = layout.disturbances.iter().zip(parameters);
-    let noises = disturbances.zip(layout.starts.len()..);
-    noises
-        .map(|((disturbance, parameters), state)| {
-            let strength = parameter(parameters.strength);
-            let squared = strength * strength;
-            let time_constant = parameters.time_constant.map(&parameter);
-            Noise {
-                state,
-                kind: disturbance.kind,
-                diffusion: time_constant.map_or(squared, |time| squared / (time * time)),
-                start: time_constant.map_or(Lanes::splat(0.0), |time| squared / (two * time)),
-            }
-        })
-        .collect()
-}
-
 impl<'a> FilterBlock<'a> {
     /// A block of 1 to [`LANES`] candidates; lanes left over repeat the first.
     pub fn new(
@@ -136,13 +101,10 @@ impl<'a> FilterBlock<'a> {
             .iter()
             .filter(|state| **state < first_of_controller)
             .count();
+        let more = n_states - n_model_states;
         let starts: Vec<Vec<Option<f64>>> = members
             .iter()
-            .map(|member| {
-                let others = (n_model_states..n_states).map(|_| None);
-                let model = member.initial_state.iter().copied();
-                model.chain(others).collect()
-            })
+            .map(|member| [member.initial_state, &vec![None; more]].concat())
             .collect();
         let members: Vec<SimulatedCandidate<'_>> = members
             .iter()
@@ -196,20 +158,15 @@ impl<'a> FilterBlock<'a> {
             let interval = self.block.excitation.interval(self.block.sample);
             let stretches = self.block.hold(interval);
             let sample = self.block.sample;
-            if self
-                .controller
-                .as_ref()
-                .is_some_and(|controller| controller.acts_at_once(sample))
-            {
-                self.run_controller();
+            if let Some(controller) = &mut self.controller {
+                controller.begin_sample(&mut self.block, self.layout, &mut self.covariance);
             }
-            self.take_recorded();
             self.block
                 .write_outputs(stretches.as_deref(), &mut self.row);
             if sample == 0 {
                 self.begin();
             }
-            let whites = self.white_variances(interval);
+            let whites = white_variances(&self.noises, interval);
             self.correct(&whites, outputs);
             self.begin_interval(&whites);
             if interval > 0.0 {
@@ -256,58 +213,6 @@ impl<'a> FilterBlock<'a> {
                 self.covariance.matrix[row * (n + 1)] = variance;
             }
         }
-    }
-
-    /// The states of white noises, each with its variance as a mean over an interval; none without a controller.
-    fn white_variances(&self, interval: f64) -> Vec<(usize, Lanes)> {
-        if self.controller.is_none() || interval <= 0.0 {
-            return Vec::new();
-        }
-        let whites = self.noises.iter();
-        let whites = whites.filter(|noise| noise.kind == DisturbanceKind::White);
-        let length = Lanes::splat(interval);
-        whites
-            .map(|noise| (noise.state, noise.diffusion / length))
-            .collect()
-    }
-
-    /// Lets what was recorded of the controller act.
-    #[inline(always)]
-    fn take_recorded(&mut self) {
-        let Some(controller) = &mut self.controller else {
-            return;
-        };
-        let SimulationBlock {
-            integrator,
-            excitation,
-            sample,
-            ..
-        } = &mut self.block;
-        let measured = &excitation.inputs[self.layout.n_inputs..];
-        let recorded = self.layout.recorded.iter();
-        let recorded = recorded.map(|shown| (shown.quantity, measured[shown.output][*sample]));
-        controller.take_recorded(recorded, &mut integrator.states, &mut self.covariance);
-    }
-
-    /// Computes what the controller makes of the states as they stand.
-    #[inline(always)]
-    fn run_controller(&mut self) {
-        let Some(controller) = &mut self.controller else {
-            return;
-        };
-        let SimulationBlock {
-            equations,
-            integrator,
-            sample,
-            ..
-        } = &mut self.block;
-        let states = &mut integrator.states;
-        if *sample == 0 {
-            controller.begin(states);
-        }
-        equations.sample_again(states);
-        equations.sampled_jacobian(&mut controller.by_state);
-        controller.put(equations.sampled(), *sample, states);
     }
 
     /// Says what is expected of each output, and lets what was measured correct the states.
@@ -366,8 +271,8 @@ impl<'a> FilterBlock<'a> {
         for (index, value) in self.crossed.iter_mut().flatten().enumerate() {
             *value = Lanes::splat(if index % (n + 1) == 0 { 1.0 } else { 0.0 });
         }
-        self.run_controller();
-        if let Some(controller) = &self.controller {
+        if let Some(controller) = &mut self.controller {
+            controller.run(&mut self.block);
             let sample = self.block.sample;
             controller.spread(sample, whites, &mut self.covariance, self.crossed.as_mut());
         }
@@ -408,14 +313,19 @@ impl<'a> FilterBlock<'a> {
         for (index, stretch) in stretches.iter().enumerate() {
             if index > 0 {
                 self.block.equations.act(&stretch.held);
-                if let Some(controller) = &self.controller {
-                    let states = &mut self.block.integrator.states;
-                    controller.act(states, &mut self.covariance, self.crossed.as_mut());
-                }
+                self.let_newer_act();
             }
             self.cross(&mut stretch.held.clone(), stretch.duration, n_steps, stop)?;
         }
         Some(())
+    }
+
+    /// Within an interval the values of the controller begin to act that were computed a sample later.
+    fn let_newer_act(&mut self) {
+        if let Some(controller) = &self.controller {
+            let states = &mut self.block.integrator.states;
+            controller.act(states, &mut self.covariance, self.crossed.as_mut());
+        }
     }
 
     /// Over a stretch in which nothing jumps, in so many steps of the covariance.

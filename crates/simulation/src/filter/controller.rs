@@ -7,9 +7,15 @@
 //! the controller's own derivatives; before the next sample each value moves on by one slot.
 
 use super::covariance::StateCovariance;
+use super::layout::FilterLayout;
 use super::transition::Matrix;
-use greybox_numerics::lanes::{Lanes, Real};
+use crate::block::SimulationBlock;
+use crate::program::Program;
+use greybox_numerics::lanes::{LANES, Lanes, Real};
 use std::ops::Range;
+
+/// The means of candidates on their way through a record.
+type ControlledBlock<'a> = SimulationBlock<'a, Program, f64, LANES>;
 
 /// How what a controller computes reaches the plant.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -60,10 +66,10 @@ pub struct SampledController {
     first: usize,
     /// Each quantity before the first sample.
     before: Vec<Lanes>,
-    /// For each quantity whether its recorded value acts at the sample at hand.
-    is_recorded: Vec<bool>,
+    /// For each quantity the recorded value that acts at the sample at hand; NaN where there is none.
+    recorded: Vec<f64>,
     /// ∂quantity/∂state over all states, where the quantities were computed last.
-    pub by_state: Matrix,
+    by_state: Matrix,
 }
 
 impl SampledController {
@@ -74,7 +80,7 @@ impl SampledController {
             layout,
             first,
             before,
-            is_recorded: vec![false; layout.n_quantities],
+            recorded: vec![f64::NAN; layout.n_quantities],
             by_state: vec![Lanes::splat(0.0); layout.n_quantities * n_states],
         }
     }
@@ -85,7 +91,7 @@ impl SampledController {
     }
 
     /// Before the first sample the controller had computed what the model says.
-    pub fn begin(&self, states: &mut [Lanes]) {
+    fn begin(&self, states: &mut [Lanes]) {
         for (quantity, before) in self.before.iter().enumerate() {
             states[self.layout.previous(self.first, quantity)] = *before;
         }
@@ -100,9 +106,9 @@ impl SampledController {
             _ => 1,
         };
         let computed = move |(quantity, slots): (usize, Range<usize>)| {
-            let kept = match self.is_recorded[quantity] {
-                true => kept.min(layout.delay),
-                false => kept,
+            let kept = match self.recorded[quantity].is_nan() {
+                true => kept,
+                false => kept.min(layout.delay),
             };
             (quantity, slots.start..slots.start + kept)
         };
@@ -110,26 +116,45 @@ impl SampledController {
         slots.filter(|(_, slots)| !slots.is_empty())
     }
 
-    /// Lets the recorded value of each quantity act, where there is one at the sample.
-    pub fn take_recorded(
+    /// Lets what was recorded at a sample act, and what the controller computes and is seen at once.
+    #[inline(always)]
+    pub fn begin_sample(
         &mut self,
-        recorded: impl Iterator<Item = (usize, f64)>,
-        states: &mut [Lanes],
+        block: &mut ControlledBlock<'_>,
+        layout: &FilterLayout,
         covariance: &mut StateCovariance,
     ) {
+        let states = &mut block.integrator.states;
         let less = states.len() - covariance.states.len();
-        for (quantity, value) in recorded {
-            self.is_recorded[quantity] = !value.is_nan();
-            if self.is_recorded[quantity] {
-                let acting = self.layout.acting(self.first, quantity);
+        let measured = &block.excitation.inputs[layout.n_inputs..];
+        for shown in &layout.recorded {
+            let value = measured[shown.output][block.sample];
+            self.recorded[shown.quantity] = value;
+            if !value.is_nan() {
+                let acting = self.layout.acting(self.first, shown.quantity);
                 states[acting] = Lanes::splat(value);
                 covariance.fix(acting - less);
             }
         }
+        if self.acts_at_once(block.sample) {
+            self.run(block);
+        }
+    }
+
+    /// Computes what the controller makes of the states as they stand.
+    #[inline(always)]
+    pub fn run(&mut self, block: &mut ControlledBlock<'_>) {
+        let states = &mut block.integrator.states;
+        if block.sample == 0 {
+            self.begin(states);
+        }
+        block.equations.sample_again(states);
+        block.equations.sampled_jacobian(&mut self.by_state);
+        self.put(block.equations.sampled(), block.sample, states);
     }
 
     /// Puts what the controller has computed at a sample among the states.
-    pub fn put(&mut self, quantities: &[Lanes], sample: usize, states: &mut [Lanes]) {
+    fn put(&mut self, quantities: &[Lanes], sample: usize, states: &mut [Lanes]) {
         let n_states = states.len();
         let filled: Vec<_> = self.filled(sample).collect();
         for (quantity, slots) in filled {
@@ -138,6 +163,11 @@ impl SampledController {
                 // No slot was filled by an earlier sample.
                 let row = &mut self.by_state[quantity * n_states..][..n_states];
                 row[self.first..].fill(Lanes::splat(0.0));
+            }
+        }
+        for (quantity, value) in self.recorded.iter().enumerate() {
+            if !value.is_nan() {
+                states[self.layout.acting(self.first, quantity)] = Lanes::splat(*value);
             }
         }
     }
@@ -154,15 +184,10 @@ impl SampledController {
         let n_states = self.first + self.layout.n_states();
         for (row, added) in by_state.chunks_exact_mut(n_states).zip(added) {
             for (quantity, slots) in self.filled(sample) {
-                let mut by_quantity = Lanes::splat(0.0);
-                for value in &mut row[slots] {
-                    by_quantity += std::mem::replace(value, Lanes::splat(0.0));
-                }
+                let by_quantity = taken(&mut row[slots]);
                 *added += by_quantity * by_quantity * self.added_by(quantity, whites);
                 let derivatives = &self.by_state[quantity * n_states..][..n_states];
-                for (value, derivative) in row.iter_mut().zip(derivatives) {
-                    *value += by_quantity * *derivative;
-                }
+                add(row, derivatives, by_quantity);
             }
         }
     }
@@ -198,13 +223,7 @@ impl SampledController {
             covariance.replace(newest, &derivatives);
             covariance.matrix[newest * (n + 1)] += self.added_by(quantity, whites);
             if let Some(crossed) = &mut crossed {
-                let rows = crossed.chunks_exact(n).zip(&derivatives);
-                let mut sums = vec![Lanes::splat(0.0); n];
-                for (row, derivative) in rows {
-                    for (sum, value) in sums.iter_mut().zip(row) {
-                        *sum += *value * *derivative;
-                    }
-                }
+                let sums = combined(crossed, &derivatives);
                 crossed[newest * n..][..n].copy_from_slice(&sums);
             }
             for slot in newest + 1..newest + slots.len() {
@@ -253,6 +272,32 @@ impl SampledController {
             }
         }
     }
+}
+
+/// The sum of derivatives, which become 0.
+fn taken(derivatives: &mut [Lanes]) -> Lanes {
+    let mut sum = Lanes::splat(0.0);
+    for value in derivatives {
+        sum += std::mem::replace(value, Lanes::splat(0.0));
+    }
+    sum
+}
+
+/// Adds so many times a row to another.
+fn add(sums: &mut [Lanes], row: &[Lanes], times: Lanes) {
+    for (sum, value) in sums.iter_mut().zip(row) {
+        *sum += *value * times;
+    }
+}
+
+/// The sum of the rows of a matrix, each so many times.
+fn combined(matrix: &Matrix, times: &[Lanes]) -> Vec<Lanes> {
+    let n = times.len();
+    let mut sums = vec![Lanes::splat(0.0); n];
+    for (row, times) in matrix.chunks_exact(n).zip(times) {
+        add(&mut sums, row, *times);
+    }
+    sums
 }
 
 /// Makes one state another, in the covariance and in the transition.

@@ -11,6 +11,7 @@ mod block;
 mod controller;
 mod covariance;
 mod layout;
+mod noises;
 mod plant;
 mod smoother;
 mod start;

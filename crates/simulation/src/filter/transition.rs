@@ -186,10 +186,8 @@ impl StepCovariance {
             let due = Lanes(std::array::from_fn(is_due));
             square.times(&self.transition, &self.added, first);
             square.times_transposed(first, &self.transition, second);
-            for row in 0..moving {
-                for index in row * n..row * n + moving {
-                    self.added[index] += due.select_ge(one, second[index], zero);
-                }
+            for index in (0..moving * moving).map(|place| place / moving * n + place % moving) {
+                self.added[index] += due.select_ge(one, second[index], zero);
             }
             Product::of(n, [moving, n, n]).times(&self.transition, &self.transition, first);
             let moving = self.transition[..moving * n].iter_mut();
@@ -309,18 +307,22 @@ impl Product {
         }
     }
 
+    /// The rows and columns of the product.
+    #[inline(always)]
+    fn places(self) -> impl Iterator<Item = (usize, usize)> {
+        (0..self.rows).flat_map(move |row| (0..self.columns).map(move |column| (row, column)))
+    }
+
     /// `product = left · right`.
     #[inline(always)]
     fn times(self, left: &Matrix, right: &Matrix, product: &mut Matrix) {
         let n = self.n;
-        for row in 0..self.rows {
-            for column in 0..self.columns {
-                let mut sum = left[row * n] * right[column];
-                for inner in 1..self.inner {
-                    sum += left[row * n + inner] * right[inner * n + column];
-                }
-                product[row * n + column] = sum;
+        for (row, column) in self.places() {
+            let mut sum = left[row * n] * right[column];
+            for inner in 1..self.inner {
+                sum += left[row * n + inner] * right[inner * n + column];
             }
+            product[row * n + column] = sum;
         }
     }
 
@@ -328,14 +330,12 @@ impl Product {
     #[inline(always)]
     fn times_transposed(self, left: &Matrix, right: &Matrix, product: &mut Matrix) {
         let n = self.n;
-        for row in 0..self.rows {
-            for column in 0..self.columns {
-                let mut sum = left[row * n] * right[column * n];
-                for inner in 1..self.inner {
-                    sum += left[row * n + inner] * right[column * n + inner];
-                }
-                product[row * n + column] = sum;
+        for (row, column) in self.places() {
+            let mut sum = left[row * n] * right[column * n];
+            for inner in 1..self.inner {
+                sum += left[row * n + inner] * right[column * n + inner];
             }
+            product[row * n + column] = sum;
         }
     }
 
@@ -343,11 +343,9 @@ impl Product {
     #[inline(always)]
     fn add_with_transposed(self, matrix: &Matrix, share: f64, sum: &mut Matrix) {
         let n = self.n;
-        for row in 0..self.rows {
-            for column in 0..self.columns {
-                let value = matrix[row * n + column] + matrix[column * n + row];
-                sum[row * n + column] += value * Lanes::splat(share);
-            }
+        for (row, column) in self.places() {
+            let value = matrix[row * n + column] + matrix[column * n + row];
+            sum[row * n + column] += value * Lanes::splat(share);
         }
     }
 }

@@ -89,8 +89,7 @@ impl Program {
         let last = time_constants.iter().flatten().max();
         // What stands still has no error to be measured.
         let of_controller = layout.controller.map_or(0, ControllerLayout::n_states);
-        let sizes: Vec<f64> = layout.sizes.iter().copied().collect();
-        let sizes = [sizes, vec![1.0; of_controller]].concat();
+        let sizes = [layout.sizes.clone(), vec![1.0; of_controller]].concat();
         Some(self.with_equations(equations, last.map_or(0, |last| last + 1), &sizes))
     }
 

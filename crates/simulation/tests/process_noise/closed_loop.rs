@@ -2,7 +2,9 @@
 //! density and the dense conditional expectation of the whole record, which `closed_loop.py` computes.
 
 use crate::smoother::{assert_near, numbers};
-use greybox_simulation::filter::{FilterLayout, LayoutFault, StartVariance, TracedRecord};
+use greybox_simulation::filter::{
+    FilterLayout, LayoutFault, SmoothedRecord, StartVariance, TracedRecord,
+};
 use greybox_simulation::model::{Model, document};
 use greybox_simulation::program::{ActsOn, Disturbance, DisturbanceKind};
 use greybox_simulation::{Accuracy, DrivingInputs, SimulatedCandidate, single};
@@ -19,22 +21,35 @@ fn reference() -> Value {
 
 /// The rig with its controller, which has integral action and acts after a delay.
 fn rig(reference: &Value, delay: &str) -> Model {
+    let sampled = json!({
+        "sum": {"unit": "1", "expression": "sum + ki*(reference - position)",
+                "initial": reference["sum_before"]},
+        "command": {"unit": "1", "expression": "kp*(reference - position) - kd*velocity + sum"}
+    });
+    model(
+        reference,
+        "reference",
+        json!({"sampled": sampled, "options": {"delay": delay}}),
+    )
+}
+
+/// The rig that a command drives.
+fn open_rig(reference: &Value) -> Model {
+    model(reference, "command", json!({}))
+}
+
+/// The rig with an input and further sections of its document.
+fn model(reference: &Value, input: &str, more: Value) -> Model {
     let plain = json!({"unit": "1", "default": 1, "lower": 1e-9, "upper": 1e9});
     let parameters: serde_json::Map<String, Value> = PARAMETERS
         .iter()
         .map(|name| ((*name).to_owned(), plain.clone()))
         .collect();
-    let document = json!({
-        "name": "controlled_rig",
-        "title": "controlled rig",
-        "inputs": {"reference": {"unit": "1"}},
+    let mut document = json!({
+        "name": "rig",
+        "title": "rig",
+        "inputs": {input: {"unit": "1"}},
         "parameters": parameters,
-        "sampled": {
-            "sum": {"unit": "1", "expression": "sum + ki*(reference - position)",
-                    "initial": reference["sum_before"]},
-            "command": {"unit": "1",
-                        "expression": "kp*(reference - position) - kd*velocity + sum"}
-        },
         "states": {
             "position": {"unit": "1", "derivative": "velocity", "initial": reference["start"][0]},
             "velocity": {"unit": "1", "initial": reference["start"][1],
@@ -42,8 +57,9 @@ fn rig(reference: &Value, delay: &str) -> Model {
         },
         "outputs": {"seen": {"unit": "1", "expression": "position"},
                     "acting": {"unit": "1", "expression": "command"}},
-        "options": {"delay": delay},
     });
+    let sections = document.as_object_mut().unwrap();
+    sections.extend(more.as_object().unwrap().clone());
     let read = document::read(&document);
     read.unwrap_or_else(|faults| panic!("{faults:#?}")).model
 }
@@ -66,17 +82,27 @@ struct Filtered {
 
 impl Filtered {
     fn of(reference: &Value, case: &Value, is_traced: bool) -> Filtered {
-        let number = |name: &str| reference[name].as_f64().unwrap();
         let model = rig(reference, &case["delay"].to_string());
-        let start_variances = numbers(&reference["start_variance"]).into_iter();
         let command_strength = case["command_strength"].as_f64().unwrap();
+        Filtered::prepared(&model, reference, command_strength, is_traced).run(&model, reference)
+    }
+
+    /// The filter of a model before it goes through the record.
+    fn prepared(
+        model: &Model,
+        reference: &Value,
+        command_strength: f64,
+        is_traced: bool,
+    ) -> Filtered {
+        let number = |name: &str| reference[name].as_f64().unwrap();
+        let start_variances = numbers(&reference["start_variance"]).into_iter();
         let mut disturbances = vec![Disturbance {
             acts_on: ActsOn::Rate(1),
             kind: DisturbanceKind::White,
         }];
         let mut strengths = vec![number("strength")];
         if command_strength > 0.0 {
-            disturbances.push(white_command(&model));
+            disturbances.push(white_command(model));
             strengths.push(command_strength);
         }
         let layout = FilterLayout {
@@ -91,35 +117,42 @@ impl Filtered {
             disturbances,
             is_traced,
         };
-        let parameters = PARAMETERS.map(|name| reference["parameters"][name].as_f64().unwrap());
-        let noise = strengths
-            .iter()
-            .copied()
-            .chain(numbers(&reference["noise_std"]));
-        let parameters: Vec<f64> = parameters.into_iter().chain(noise).collect();
-        let measured = reference["measured"]
-            .as_array()
-            .unwrap()
-            .iter()
-            .map(numbers);
-        let mut filtered = Filtered {
+        let measured = reference["measured"].as_array().unwrap().iter();
+        let inputs = [numbers(&reference["reference"])].into_iter();
+        Filtered {
             layout,
             strengths,
-            inputs: [numbers(&reference["reference"])]
-                .into_iter()
-                .chain(measured)
-                .collect(),
+            inputs: inputs.chain(measured.map(numbers)).collect(),
             columns: Vec::new(),
-        };
-        let plant = model.filtered(&filtered.layout).unwrap();
+        }
+    }
+
+    /// Goes through the record.
+    fn run(mut self, model: &Model, reference: &Value) -> Filtered {
+        let parameters = PARAMETERS.map(|name| reference["parameters"][name].as_f64().unwrap());
+        let noise = self.strengths.iter().copied();
+        let noise = noise.chain(numbers(&reference["noise_std"]));
+        let parameters: Vec<f64> = parameters.into_iter().chain(noise).collect();
+        let plant = model.filtered(&self.layout).unwrap();
         let candidate = SimulatedCandidate {
             parameters: &parameters,
             initial_state: &[None, None],
         };
-        let runs = [(filtered.driving(), candidate)];
+        let runs = [(self.driving(), candidate)];
         let outputs = single::outputs(plant.plant(), &runs, &AtomicBool::new(false));
-        filtered.columns = outputs.unwrap().unwrap().remove(0);
-        filtered
+        self.columns = outputs.unwrap().unwrap().remove(0);
+        self
+    }
+
+    fn smoothed(&self) -> SmoothedRecord {
+        let record = TracedRecord {
+            layout: &self.layout,
+            inputs: self.driving(),
+            n_outputs: 2,
+            strengths: &self.strengths,
+            columns: &self.columns,
+        };
+        record.smoothed()
     }
 
     fn driving(&self) -> DrivingInputs<'_> {
@@ -171,23 +204,17 @@ fn smoothed_states_of_a_controlled_rig_are_the_dense_conditional_expectation() {
     let reference = reference();
     for case in reference["cases"].as_array().unwrap() {
         let filtered = Filtered::of(&reference, case, true);
-        let record = TracedRecord {
-            layout: &filtered.layout,
-            inputs: filtered.driving(),
-            n_outputs: 2,
-            strengths: &filtered.strengths,
-            columns: &filtered.columns,
-        };
-        let smoothed = record.smoothed();
-        for (sample, expected) in case["smoothed"].as_array().unwrap().iter().enumerate() {
-            for (state, path) in smoothed.states.iter().enumerate() {
-                let [value, deviation] = numbers(&expected[state])[..] else {
-                    panic!("two numbers");
-                };
-                let what = format!("delay {}, state {state}, sample {sample}", case["delay"]);
-                assert_near(path.values[sample], value, &what);
-                assert_near(path.deviations[sample], deviation, &what);
-            }
+        let smoothed = filtered.smoothed();
+        let samples = case["smoothed"].as_array().unwrap().iter().enumerate();
+        let states = samples.flat_map(|(sample, expected)| {
+            let states = smoothed.states.iter().enumerate();
+            states.map(move |(state, path)| (sample, path, &expected[state], state))
+        });
+        for (sample, path, expected, state) in states {
+            let expected = numbers(expected);
+            let what = format!("delay {}, state {state}, sample {sample}", case["delay"]);
+            assert_near(path.values[sample], expected[0], &what);
+            assert_near(path.deviations[sample], expected[1], &what);
         }
     }
 }
@@ -207,4 +234,53 @@ fn delays_that_the_filter_cannot_carry_are_refused() {
     assert_eq!(at_once.unwrap_err(), LayoutFault::WhiteAtOnce);
     // Without a delay the instants do not matter.
     assert!(undelayed.controller(None, &[]).unwrap().is_some());
+}
+
+#[test]
+fn a_recorded_command_drives_the_rig_as_an_input_does() {
+    let mut reference = reference();
+    let columns = reference["measured"].as_array_mut().unwrap();
+    // No sample of the command is missing: the rig that the command drives has no controller to fill it.
+    for value in columns[1].as_array_mut().unwrap() {
+        if value.is_null() {
+            *value = json!(0.7);
+        }
+    }
+    let controlled = rig(&reference, "0.1");
+    let mut driven = Filtered::prepared(&controlled, &reference, 0.0, true);
+    driven.layout.recorded = controlled.recorded_quantities(&[]);
+    assert_eq!(driven.layout.recorded.len(), 1);
+    let driven = driven.run(&controlled, &reference);
+    let open = open_rig(&reference);
+    let mut expected = Filtered::prepared(&open, &reference, 0.0, true);
+    expected.inputs[0] = expected.inputs[2].clone();
+    let expected = expected.run(&open, &reference);
+    // The position with its variance.
+    for column in [0, 2] {
+        let pairs = driven.columns[column].iter().zip(&expected.columns[column]);
+        for (sample, (value, expected)) in pairs.enumerate() {
+            assert_near(
+                *value,
+                *expected,
+                &format!("column {column} at sample {sample}"),
+            );
+        }
+    }
+    let smoothed = [&driven, &expected].map(|filtered| filtered.smoothed());
+    for (state, path) in smoothed[0].states.iter().enumerate() {
+        for sample in 0..path.values.len() {
+            let what = format!("state {state} at sample {sample}");
+            let other = &smoothed[1].states[state];
+            assert_near(path.values[sample], other.values[sample], &what);
+            assert_near(path.deviations[sample], other.deviations[sample], &what);
+        }
+    }
+}
+
+#[test]
+fn what_an_unknown_of_the_controller_decides_is_not_taken_as_recorded() {
+    let controlled = rig(&reference(), "0.1");
+    let place = |name: &str| controlled.description().parameter_index(name).unwrap();
+    assert_eq!(controlled.recorded_quantities(&[place("mass")]).len(), 1);
+    assert!(controlled.recorded_quantities(&[place("kp")]).is_empty());
 }
