@@ -9,11 +9,11 @@
 use super::loss::Loss;
 use super::prior::Prior;
 use super::problem::{Coordinate, Experiment, Innovations, Problem, Target};
-use greybox_simulation::filter::{
-    ControllerLayout, FilterLayout, LayoutFault, RecordedQuantity, StartVariance,
-};
+use greybox_simulation::filter::{FilterLayout, LayoutFault, StartVariance};
 use greybox_simulation::model::{ModelDescription, Scale};
-use greybox_simulation::program::{ActsOn, Disturbance, DisturbanceKind};
+use greybox_simulation::program::{
+    ActsOn, ControllerFault, ControllerLayout, Disturbance, DisturbanceKind, RecordedQuantity,
+};
 use std::sync::Arc;
 
 /// A number of a disturbance or of a sensor.
@@ -413,7 +413,7 @@ fn controller(
     match controllers.as_slice() {
         [] => Ok(None),
         [first, others @ ..] if others.iter().all(|controller| controller == first) => Ok(*first),
-        _ => Err(LayoutFault::UnevenSamples),
+        _ => Err(LayoutFault::Controller(ControllerFault::UnevenSamples)),
     }
 }
 

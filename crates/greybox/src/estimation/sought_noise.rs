@@ -2,8 +2,7 @@
 
 use super::problem::Problem;
 use super::process_noise::{NoiseNumber, recorded_quantities};
-use greybox_simulation::filter::RecordedQuantity;
-use greybox_simulation::program::{ActsOn, Disturbance, DisturbanceKind};
+use greybox_simulation::program::{ActsOn, Disturbance, DisturbanceKind, RecordedQuantity};
 
 /// Disturbed states at the most.
 const MOST_STATES: usize = 4;

@@ -10,54 +10,12 @@ use super::covariance::StateCovariance;
 use super::layout::FilterLayout;
 use super::transition::Matrix;
 use crate::block::SimulationBlock;
-use crate::program::Program;
+use crate::program::{ControllerLayout, Program};
 use greybox_numerics::lanes::{LANES, Lanes, Real};
 use std::ops::Range;
 
 /// The means of candidates on their way through a record.
 type ControlledBlock<'a> = SimulationBlock<'a, Program, f64, LANES>;
-
-/// How what a controller computes reaches the plant.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct ControllerLayout {
-    /// How many quantities the controller computes.
-    pub n_quantities: usize,
-    /// How many samples later the quantities act; a part of a sample counts as one.
-    pub delay: usize,
-}
-
-impl ControllerLayout {
-    /// How many values of a quantity are carried: a controller may read the value of the sample before.
-    fn n_slots(self) -> usize {
-        self.delay.max(1) + 1
-    }
-
-    /// How many states the filter has for the controller.
-    #[must_use]
-    pub fn n_states(self) -> usize {
-        self.n_quantities * self.n_slots()
-    }
-
-    /// The state of the value that acts, where those of the controller begin with `first`.
-    #[must_use]
-    pub fn acting(self, first: usize, quantity: usize) -> usize {
-        first + quantity * self.n_slots() + self.delay
-    }
-
-    /// The state of the value at the sample before, where those of the controller begin with `first`.
-    #[must_use]
-    pub fn previous(self, first: usize, quantity: usize) -> usize {
-        first + quantity * self.n_slots() + 1
-    }
-
-    /// The slots of each quantity that the first `kept` hold.
-    fn slots(self, first: usize, kept: usize) -> impl Iterator<Item = (usize, Range<usize>)> {
-        (0..self.n_quantities).map(move |quantity| {
-            let newest = first + quantity * self.n_slots();
-            (quantity, newest..newest + kept)
-        })
-    }
-}
 
 /// The controller of each candidate.
 pub struct SampledController {

@@ -1,8 +1,7 @@
 //! What the filter is asked, and where its numbers stand among the parameters.
 
-use super::controller::ControllerLayout;
 use super::start::StartVariance;
-use crate::program::{Disturbance, DisturbanceKind};
+use crate::program::{ControllerLayout, Disturbance, DisturbanceKind, RecordedQuantity};
 
 /// What moves a plant beside its inputs, and how its record begins.
 #[derive(Clone, Debug)]
@@ -24,15 +23,6 @@ pub struct FilterLayout {
     pub longest_step: f64,
     /// Whether each sample is answered with all that a smoother needs of it.
     pub is_traced: bool,
-}
-
-/// A quantity of the controller that an output shows, by their places in the model's description.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct RecordedQuantity {
-    /// The output.
-    pub output: usize,
-    /// The quantity that is computed once a sample.
-    pub quantity: usize,
 }
 
 /// Where the parameters of a disturbance stand.

@@ -18,8 +18,7 @@ mod start;
 mod trace;
 mod transition;
 
-pub use controller::ControllerLayout;
-pub use layout::{FilterLayout, RecordedQuantity};
-pub use plant::{FilteredPlant, LONGEST_DELAY, LayoutFault};
+pub use layout::FilterLayout;
+pub use plant::{FilteredPlant, LayoutFault};
 pub use smoother::{SmoothedPath, SmoothedRecord, TracedRecord};
 pub use start::StartVariance;

@@ -4,13 +4,10 @@
 use super::block::{FilterBlock, FilterEquations};
 use super::layout::{FilterLayout, NoiseParameters};
 use super::trace::TraceLayout;
-use crate::program::Program;
+use crate::program::{ControllerFault, Program};
 use crate::{Accuracy, BlockSimulator, CandidateBlock, DrivingInputs, Plant};
 use greybox_numerics::lanes::LANES;
 use std::sync::Arc;
-
-/// The most samples after which what a controller computes may act: the covariance has a row for each.
-pub const LONGEST_DELAY: usize = 8;
 
 /// Why a plant cannot be filtered.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
@@ -18,29 +15,9 @@ pub enum LayoutFault {
     /// The model is written in Rust: its equations cannot be extended.
     #[error("the model is built in, not a document: disturbances cannot be added to its equations")]
     NotADocument,
-    /// The delay of a controller within the model depends on a parameter.
-    #[error(
-        "what the model computes from its states once a sample acts after a delay that depends on a \
-         parameter: give the delay as a constant without a tolerance"
-    )]
-    UnknownDelay,
-    /// A controller within the model acts too late.
-    #[error(
-        "what the model computes from its states once a sample acts more than {LONGEST_DELAY} samples later"
-    )]
-    LongDelay,
-    /// White noise disturbs a controller that acts at the sample at which it computes.
-    #[error(
-        "white noise cannot disturb what is computed once a sample and acts without a delay: let the \
-         disturbance have a memory"
-    )]
-    WhiteAtOnce,
-    /// A controller within the model acts with a delay, and its samples are not evenly spaced.
-    #[error(
-        "what the model computes from its states once a sample acts after a delay, so that all samples \
-         must be evenly spaced, by the same time in each experiment"
-    )]
-    UnevenSamples,
+    /// The controller within the model cannot be followed.
+    #[error("{0}")]
+    Controller(ControllerFault),
     /// The equations with the disturbances have too many operations.
     #[error("the model has too many operations for its disturbances")]
     TooLarge,
@@ -76,7 +53,12 @@ impl FilteredPlant {
         let time_constant = |noise: &NoiseParameters| noise.time_constant;
         let time_constants: Vec<Option<usize>> = noise.iter().map(time_constant).collect();
         let program = program
-            .disturbed(layout, &time_constants)
+            .disturbed(
+                &layout.disturbances,
+                &time_constants,
+                &layout.sizes,
+                layout.controller,
+            )
             .ok_or(LayoutFault::TooLarge)?;
         Ok(FilteredPlant {
             program,

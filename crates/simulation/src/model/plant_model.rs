@@ -3,9 +3,9 @@
 use super::specialised::Specialised;
 use super::{ModelDescription, ParameterDescription, SignalDescription};
 use crate::Plant;
-use crate::filter::{ControllerLayout, FilterLayout, FilteredPlant, LayoutFault, RecordedQuantity};
+use crate::filter::{FilterLayout, FilteredPlant, LayoutFault};
 use crate::native::{Dynamics, Native};
-use crate::program::{Disturbance, Probes, Program};
+use crate::program::{ControllerLayout, Disturbance, Probes, Program, RecordedQuantity};
 use std::borrow::Cow;
 use std::sync::Arc;
 
@@ -173,7 +173,8 @@ impl Model {
     ) -> Result<Option<ControllerLayout>, LayoutFault> {
         let program = self.program.as_ref();
         program.map_or(Ok(None), |program| {
-            program.controller(sample_time, disturbances)
+            let controller = program.controller(sample_time, disturbances);
+            controller.map_err(LayoutFault::Controller)
         })
     }
 

@@ -1,8 +1,8 @@
 //! Equations with quantities that wander: each disturbance with memory is a state more, which acts
 //! on a parameter, on the rate of a state or on an output.
 
+use super::controller::{ControllerLayout, RecordedQuantity};
 use super::rewrite::{EquationGraph, Roots};
-use crate::filter::{ControllerLayout, FilterLayout, RecordedQuantity};
 use crate::language::graph::{Full, Graph, GraphNode, Leaf, NodeId};
 use crate::language::operation::Operation;
 
@@ -126,19 +126,20 @@ impl EquationGraph {
     /// Where there would be too many nodes.
     pub(super) fn disturbed(
         &self,
-        layout: &FilterLayout,
+        disturbances: &[Disturbance],
         time_constants: &[Option<usize>],
+        controller: Option<ControllerLayout>,
     ) -> Result<EquationGraph, Full> {
-        let controlled = match layout.controller {
+        let controlled = match controller {
             None => self.clone(),
             Some(controller) => {
-                let first = self.roots.rates.len() + layout.disturbances.len();
+                let first = self.roots.rates.len() + disturbances.len();
                 carried(self, controller, first)?
             }
         };
-        let mut whole = disturbed(&controlled, &layout.disturbances, time_constants)?;
+        let mut whole = disturbed(&controlled, disturbances, time_constants)?;
         let EquationGraph { graph, roots } = &mut whole;
-        let of_controller = layout.controller.map_or(0, ControllerLayout::n_states);
+        let of_controller = controller.map_or(0, ControllerLayout::n_states);
         for places in [&mut roots.rates, &mut roots.initial] {
             let last = places.len() + of_controller;
             places.resize(last, graph.constant(0.0)?);

@@ -181,7 +181,7 @@ impl Lists {
         }
     }
 
-    /// What is computed once a sample, for its derivatives.
+    /// The quantities that are computed once a sample, for their derivatives.
     #[must_use]
     pub fn differentiated_sampled(&self) -> Differentiated<'_> {
         Differentiated {

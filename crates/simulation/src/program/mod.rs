@@ -5,6 +5,7 @@
 //! integrator drives, and `disturbed` adds the states of quantities that wander. No code is made at run time; every size is bounded.
 
 mod compiled;
+mod controller;
 mod disturbed;
 mod instruction;
 mod joined;
@@ -14,17 +15,18 @@ mod rewrite;
 mod row;
 mod tangents;
 
+pub use controller::{ControllerFault, ControllerLayout, RecordedQuantity};
 pub use disturbed::{ActsOn, Disturbance, DisturbanceKind};
 pub use probed::{Losses, Probes};
 pub use rewrite::{EquationGraph, Roots};
 
 use super::block::SimulationBlock;
 use super::equations::{Equations, HeldQuantities, System};
-use super::filter::{ControllerLayout, FilterLayout, LONGEST_DELAY, LayoutFault, RecordedQuantity};
 use super::input_delay::SAME;
 use super::{BlockSimulator, CandidateBlock, DrivingInputs, Plant};
 use crate::language::operation::LookupTable;
 use compiled::CompiledProgram;
+use controller::LONGEST_DELAY;
 use greybox_numerics::eigenvalues::spectral_radius;
 use greybox_numerics::lanes::{LANES, Real};
 use greybox_numerics::width::Width;
@@ -78,18 +80,24 @@ impl Program {
     /// The program with a state more for each disturbance, in their order behind the model's
     /// states, and behind these those of the controller. A disturbance with memory τ decays by −d/τ, where τ is the parameter
     /// `time_constants[disturbance]`; white noise has a state that stays 0, through which the
-    /// Jacobian says what the noise drives. Answers nothing where the equations would have too many nodes.
+    /// Jacobian says what the noise drives. `sizes` are typical sizes of the disturbances, in
+    /// their units. Answers nothing where the equations would have too many nodes.
     #[must_use]
     pub fn disturbed(
         &self,
-        layout: &FilterLayout,
+        disturbances: &[Disturbance],
         time_constants: &[Option<usize>],
+        sizes: &[f64],
+        controller: Option<ControllerLayout>,
     ) -> Option<Program> {
-        let equations = self.equations.disturbed(layout, time_constants).ok()?;
+        let equations = self
+            .equations
+            .disturbed(disturbances, time_constants, controller)
+            .ok()?;
         let last = time_constants.iter().flatten().max();
         // What stands still has no error to be measured.
-        let of_controller = layout.controller.map_or(0, ControllerLayout::n_states);
-        let sizes = [layout.sizes.clone(), vec![1.0; of_controller]].concat();
+        let of_controller = controller.map_or(0, ControllerLayout::n_states);
+        let sizes = [sizes, &vec![1.0; of_controller]].concat();
         Some(self.with_equations(equations, last.map_or(0, |last| last + 1), &sizes))
     }
 
@@ -146,7 +154,7 @@ impl Program {
         &self,
         sample_time: Option<f64>,
         disturbances: &[Disturbance],
-    ) -> Result<Option<ControllerLayout>, LayoutFault> {
+    ) -> Result<Option<ControllerLayout>, ControllerFault> {
         let is_computed =
             |disturbance: &&Disturbance| matches!(disturbance.acts_on, ActsOn::Sampled(_));
         let mut disturbed = disturbances.iter().filter(is_computed).peekable();
@@ -154,7 +162,7 @@ impl Program {
             return Ok(None);
         }
         if !self.equations.has_constant_delay() {
-            return Err(LayoutFault::UnknownDelay);
+            return Err(ControllerFault::UnknownDelay);
         }
         let CompiledProgram { lists, wiring, .. } = &self.compiled;
         let interval = sample_time.unwrap_or(1.0);
@@ -163,13 +171,13 @@ impl Program {
         // A delay that differs from whole samples by rounding alone is one of whole samples.
         let delay = (delay - SAME).ceil().max(0.0);
         if delay > LONGEST_DELAY as f64 {
-            return Err(LayoutFault::LongDelay);
+            return Err(ControllerFault::LongDelay);
         }
         if delay == 0.0 && disturbed.any(|noise| noise.kind == DisturbanceKind::White) {
-            return Err(LayoutFault::WhiteAtOnce);
+            return Err(ControllerFault::WhiteAtOnce);
         }
         if delay > 0.0 && sample_time.is_none() {
-            return Err(LayoutFault::UnevenSamples);
+            return Err(ControllerFault::UnevenSamples);
         }
         Ok(Some(ControllerLayout {
             n_quantities: lists.roots.sampled.len(),

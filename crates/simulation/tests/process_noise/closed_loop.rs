@@ -6,7 +6,7 @@ use greybox_simulation::filter::{
     FilterLayout, LayoutFault, SmoothedRecord, StartVariance, TracedRecord,
 };
 use greybox_simulation::model::{Model, document};
-use greybox_simulation::program::{ActsOn, Disturbance, DisturbanceKind};
+use greybox_simulation::program::{ActsOn, ControllerFault, Disturbance, DisturbanceKind};
 use greybox_simulation::{Accuracy, DrivingInputs, SimulatedCandidate, single};
 use serde_json::{Value, json};
 use std::path::Path;
@@ -224,14 +224,26 @@ fn delays_that_the_filter_cannot_carry_are_refused() {
     let reference = reference();
     let controller = |delay: &str, sample_time| rig(&reference, delay).controller(sample_time, &[]);
     let unknown = controller("damping", Some(0.1));
-    assert_eq!(unknown.unwrap_err(), LayoutFault::UnknownDelay);
+    assert_eq!(
+        unknown.unwrap_err(),
+        LayoutFault::Controller(ControllerFault::UnknownDelay)
+    );
     let long = controller("0.85", Some(0.1));
-    assert_eq!(long.unwrap_err(), LayoutFault::LongDelay);
+    assert_eq!(
+        long.unwrap_err(),
+        LayoutFault::Controller(ControllerFault::LongDelay)
+    );
     let uneven = controller("0.1", None);
-    assert_eq!(uneven.unwrap_err(), LayoutFault::UnevenSamples);
+    assert_eq!(
+        uneven.unwrap_err(),
+        LayoutFault::Controller(ControllerFault::UnevenSamples)
+    );
     let undelayed = rig(&reference, "0");
     let at_once = undelayed.controller(Some(0.1), &[white_command(&undelayed)]);
-    assert_eq!(at_once.unwrap_err(), LayoutFault::WhiteAtOnce);
+    assert_eq!(
+        at_once.unwrap_err(),
+        LayoutFault::Controller(ControllerFault::WhiteAtOnce)
+    );
     // Without a delay the instants do not matter.
     assert!(undelayed.controller(None, &[]).unwrap().is_some());
 }
@@ -270,9 +282,9 @@ fn a_recorded_command_drives_the_rig_as_an_input_does() {
     for (state, path) in smoothed[0].states.iter().enumerate() {
         for sample in 0..path.values.len() {
             let what = format!("state {state} at sample {sample}");
-            let other = &smoothed[1].states[state];
-            assert_near(path.values[sample], other.values[sample], &what);
-            assert_near(path.deviations[sample], other.deviations[sample], &what);
+            let expected = &smoothed[1].states[state];
+            assert_near(path.values[sample], expected.values[sample], &what);
+            assert_near(path.deviations[sample], expected.deviations[sample], &what);
         }
     }
 }
