@@ -191,10 +191,13 @@ impl Program {
         self.equations.shown_states()
     }
 
-    /// The outputs that show what is computed once a sample, and nothing else, where none of these parameters
-    /// decides what is computed.
+    /// The outputs that show what a controller computes once a sample, and nothing else, where none of these
+    /// parameters decides what is computed.
     #[must_use]
     pub fn recorded_quantities(&self, unknown: &[usize]) -> Vec<RecordedQuantity> {
+        if !self.equations.samples_its_states() {
+            return Vec::new();
+        }
         let is_known = |shown: &RecordedQuantity| {
             let mut unknown = unknown.iter();
             !unknown.any(|parameter| self.equations.computes_from(shown.quantity, *parameter))

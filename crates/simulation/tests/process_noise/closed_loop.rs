@@ -290,6 +290,23 @@ fn a_recorded_command_drives_the_rig_as_an_input_does() {
 }
 
 #[test]
+fn what_follows_from_the_inputs_alone_is_no_controller() {
+    let sampled = json!({"command": {"unit": "1", "expression": "2*reference"}});
+    let driven = model(&reference(), "reference", json!({"sampled": sampled}));
+    assert!(driven.recorded_quantities(&[]).is_empty());
+    assert_eq!(driven.controller(Some(0.1), &[]), Ok(None));
+    // A disturbance of it makes its error a state all the same.
+    let disturbed = driven.controller(
+        Some(0.1),
+        &[Disturbance {
+            kind: DisturbanceKind::Memory,
+            ..white_command(&driven)
+        }],
+    );
+    assert!(disturbed.unwrap().is_some());
+}
+
+#[test]
 fn what_an_unknown_of_the_controller_decides_is_not_taken_as_recorded() {
     let controlled = rig(&reference(), "0.1");
     let place = |name: &str| controlled.description().parameter_index(name).unwrap();
