@@ -259,8 +259,9 @@ function put(cell, key, make) {
   }
 }
 
+// A design and a selection of windows, which have no method, do not know how far they are.
 function progress(job) {
-  return job.status === "running" && job.progress
+  return job.status === "running" && job.method && job.progress
     ? ` ${Math.round(100 * (job.progress.fraction ?? 0))} %`
     : "";
 }
