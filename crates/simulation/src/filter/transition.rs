@@ -135,12 +135,15 @@ impl StepCovariance {
         // exp Ω = I + Ω + Ω²/2 + Ω³·(I/6 + Ω/24 + Ω²/120 + Ω³/720).
         for (index, value) in scratch.iter_mut().enumerate() {
             let of_unit = Lanes::splat(if index % (n + 1) == 0 { 1.0 / 6.0 } else { 0.0 });
-            *value = of_unit;
-            if index < moving * n {
-                *value += omega[index] * Lanes::splat(1.0 / 24.0)
-                    + squared[index] * Lanes::splat(1.0 / 120.0)
-                    + cubed[index] * Lanes::splat(1.0 / 720.0);
-            }
+            *value = match index < moving * n {
+                true => {
+                    of_unit
+                        + omega[index] * Lanes::splat(1.0 / 24.0)
+                        + squared[index] * Lanes::splat(1.0 / 120.0)
+                        + cubed[index] * Lanes::splat(1.0 / 720.0)
+                }
+                false => of_unit,
+            };
         }
         Product::of(n, [moving, n, n]).times(cubed, scratch, &mut self.transition);
         for (index, value) in self.transition.iter_mut().enumerate() {
