@@ -74,7 +74,8 @@ impl SampledController {
         slots.filter(|(_, slots)| !slots.is_empty())
     }
 
-    /// Lets what was recorded at a sample act, and what the controller computes and is seen at once.
+    /// At the beginning of a sample recorded values act, and the controller computes where the outputs of that sample
+    /// follow it.
     #[inline(always)]
     pub fn begin_sample(
         &mut self,

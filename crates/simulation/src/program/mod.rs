@@ -78,8 +78,8 @@ impl Program {
     }
 
     /// The program with a state more for each disturbance, in their order behind the model's
-    /// states, and behind these those of the controller. A disturbance with memory τ decays by −d/τ, where τ is the parameter
-    /// `time_constants[disturbance]`; white noise has a state that stays 0, through which the
+    /// states, and behind these the states of the controller. A disturbance with memory τ decays by
+    /// −d/τ, where τ is the parameter `time_constants[disturbance]`; white noise has a state that stays 0, through which the
     /// Jacobian says what the noise drives. `sizes` are typical sizes of the disturbances, in
     /// their units. Answers nothing where the equations would have too many nodes.
     #[must_use]

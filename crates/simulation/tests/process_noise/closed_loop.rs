@@ -258,34 +258,36 @@ fn a_recorded_command_drives_the_rig_as_an_input_does() {
             *value = json!(0.7);
         }
     }
-    let controlled = rig(&reference, "0.1");
-    let mut driven = Filtered::prepared(&controlled, &reference, 0.0, true);
-    driven.layout.recorded = controlled.recorded_quantities(&[]);
-    assert_eq!(driven.layout.recorded.len(), 1);
-    let driven = driven.run(&controlled, &reference);
     let open = open_rig(&reference);
     let mut expected = Filtered::prepared(&open, &reference, 0.0, true);
     expected.inputs[0] = expected.inputs[2].clone();
     let expected = expected.run(&open, &reference);
-    // The position with its variance.
-    for column in [0, 2] {
-        let pairs = driven.columns[column].iter().zip(&expected.columns[column]);
-        for (sample, (value, expected)) in pairs.enumerate() {
-            assert_near(
-                *value,
-                *expected,
-                &format!("column {column} at sample {sample}"),
-            );
+    let expected_states = expected.smoothed().states;
+    for delay in ["0", "0.1", "0.2"] {
+        let controlled = rig(&reference, delay);
+        let mut driven = Filtered::prepared(&controlled, &reference, 0.0, true);
+        driven.layout.recorded = controlled.recorded_quantities(&[]);
+        assert_eq!(driven.layout.recorded.len(), 1);
+        let driven = driven.run(&controlled, &reference);
+        // The position with its variance.
+        for column in [0, 2] {
+            assert_all_near(&driven.columns[column], &expected.columns[column], delay);
+        }
+        for (path, expected) in driven.smoothed().states.iter().zip(&expected_states) {
+            assert_all_near(&path.values, &expected.values, delay);
+            assert_all_near(&path.deviations, &expected.deviations, delay);
         }
     }
-    let smoothed = [&driven, &expected].map(|filtered| filtered.smoothed());
-    for (state, path) in smoothed[0].states.iter().enumerate() {
-        for sample in 0..path.values.len() {
-            let what = format!("state {state} at sample {sample}");
-            let expected = &smoothed[1].states[state];
-            assert_near(path.values[sample], expected.values[sample], &what);
-            assert_near(path.deviations[sample], expected.deviations[sample], &what);
-        }
+}
+
+fn assert_all_near(values: &[f64], expected: &[f64], delay: &str) {
+    assert_eq!(values.len(), expected.len());
+    for (sample, (value, expected)) in values.iter().zip(expected).enumerate() {
+        assert_near(
+            *value,
+            *expected,
+            &format!("delay {delay}, sample {sample}"),
+        );
     }
 }
 
