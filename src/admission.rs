@@ -47,7 +47,7 @@ pub struct Permit {
 }
 
 impl Admission {
-    /// So many permits.
+    /// An admission with so many permits.
     #[must_use]
     pub fn new(free: usize) -> Self {
         Self(Arc::new(Mutex::new(State {

@@ -179,7 +179,7 @@ impl App {
         self.address
     }
 
-    /// Where it is asked, by its address.
+    /// The address at which clients reach the server, as a URL.
     pub fn url(&self) -> String {
         let scheme = if self.speaks_tls { "https" } else { "http" };
         format!("{scheme}://{}", self.address)

@@ -14,7 +14,7 @@ use serde_json::Value;
 use sha2::{Digest, Sha256};
 use tokio::time::Instant;
 
-use super::error::{Answer, Kind, Problem, ProblemFault};
+use super::error::{Answer, Kind, Problem};
 use super::limits::Limits;
 use super::spool::{Spool, SpoolRoom};
 use super::work::Work;
@@ -321,25 +321,14 @@ where
         let parsed = bodies.parse(request.into_body(), limit, |source| {
             let text = String::from_utf8(whole(source)?)
                 .map_err(|error| Problem::new(Kind::Malformed, format!("not a text: {error}")))?;
-            yaml::parse(&text).map_err(|error| not_yaml(&error))
+            yaml::parse(&text).map_err(|error| Problem::of_faults(Kind::Malformed, [error.into()]))
         });
         Ok(Self(parsed.await?.value))
     }
 }
 
-fn not_yaml(error: &yaml::Error) -> Problem {
-    let fault = ProblemFault {
-        line: Some(error.line),
-        column: Some(error.column.to_string()),
-        code: "not_yaml".to_owned(),
-        detail: format!("not YAML that is understood here: {error}"),
-        ..ProblemFault::default()
-    };
-    Problem::of_faults(Kind::Malformed, [fault])
-}
-
 fn parse_json(text: &[u8]) -> Result<Value, Problem> {
-    json::parse(text).map_err(|error| not_json(&error))
+    json::parse(text).map_err(|error| Problem::of_faults(Kind::Malformed, [json::not_json(&error)]))
 }
 
 /// A document is small and much faster to parse whole.
@@ -349,17 +338,6 @@ fn whole(source: &mut dyn Read) -> Result<Vec<u8>, Problem> {
         .read_to_end(&mut bytes)
         .map_err(|error| Problem::new(Kind::Malformed, format!("the body broke off: {error}")))?;
     Ok(bytes)
-}
-
-fn not_json(error: &serde_json::Error) -> Problem {
-    let fault = ProblemFault {
-        line: Some(error.line() as u64),
-        column: Some(error.column().to_string()),
-        code: "not_json".to_owned(),
-        detail: format!("not JSON: {error}"),
-        ..ProblemFault::default()
-    };
-    Problem::of_faults(Kind::Malformed, [fault])
 }
 
 /// The media type of a body in lower case, without parameters; empty when none is said.
@@ -396,25 +374,13 @@ pub fn scratch_failed(error: &io::Error) -> Problem {
 impl From<ReadError> for Problem {
     /// A recording that is not one. [`Bodies::receive`] tells of a body that broke off.
     fn from(error: ReadError) -> Self {
-        let kind = match &error {
-            ReadError::Scratch(error) => return scratch_failed(error),
-            ReadError::Unsupported(_) => Kind::UnsupportedMediaType,
-            ReadError::Invalid(_) => Kind::Invalid,
-            ReadError::Malformed(_) | ReadError::Io(_) => Kind::Malformed,
-        };
-        if error.faults().is_empty() {
-            return Self::new(kind, error.to_string());
+        match error {
+            ReadError::Scratch(error) => scratch_failed(&error),
+            ReadError::Unsupported(_) => Self::new(Kind::UnsupportedMediaType, error.to_string()),
+            ReadError::Io(_) => Self::new(Kind::Malformed, error.to_string()),
+            ReadError::Invalid(faults) => Self::of_faults(Kind::Invalid, faults),
+            ReadError::Malformed(faults) => Self::of_faults(Kind::Malformed, faults),
         }
-        let faults = error.faults().iter().map(|fault| ProblemFault {
-            pointer: fault.pointer.clone(),
-            line: fault.line,
-            column: fault.column.clone(),
-            parameter: fault.parameter.clone(),
-            code: fault.code.to_owned(),
-            detail: fault.detail.clone(),
-            ..ProblemFault::default()
-        });
-        Self::of_faults(kind, faults)
     }
 }
 

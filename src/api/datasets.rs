@@ -18,7 +18,7 @@ pub use document::{FileBytes, RecordedSignal, RecordingDocument};
 
 use super::body::{Bodies, content_type, scratch_failed, unsupported};
 use super::client::Client;
-use super::error::{Answer, Kind, Problem, ProblemFault};
+use super::error::{Answer, Kind, Problem};
 use super::extract::Named;
 use super::http_headers::{json, prefers, tagged_json};
 use super::page::{Cursor, Page, PageParams};
@@ -27,6 +27,7 @@ use crate::store::{DatasetPart, DatasetRemoval, DatasetRow, Datasets, NewDataset
 use greybox::identification::DatasetId;
 use greybox::identification::spec::MAX_NAME_CHARS;
 use greybox::intake::{self, Options};
+use greybox::parsing::Fault;
 use greybox::recording::{Recording, Samples, Summary};
 
 /// Points of a plot when the client does not say.
@@ -296,14 +297,11 @@ pub(super) fn kind_of(headers: &HeaderMap) -> Answer<(intake::MediaKind, Option<
     Ok((kind, charsets.next()))
 }
 
-fn query_fault(parameter: &str, code: &str, detail: String) -> Problem {
-    let fault = ProblemFault {
-        parameter: Some(parameter.to_owned()),
-        code: code.to_owned(),
-        detail,
-        ..ProblemFault::default()
-    };
-    Problem::of_faults(Kind::Invalid, [fault])
+fn query_fault(parameter: &str, code: &'static str, detail: String) -> Problem {
+    Problem::of_faults(
+        Kind::Invalid,
+        [Fault::of_parameter(parameter, code, detail)],
+    )
 }
 
 /// Without options the digest is of the bytes alone, so that any tool can check the digest.
@@ -462,12 +460,10 @@ pub async fn samples(
 fn check_names(recording: &Recording, names: Option<&[String]>) -> Answer<()> {
     let names = names.into_iter().flatten();
     let unknown = names.filter(|name| recording.signal(name).is_none());
-    let faults: Vec<ProblemFault> = unknown
-        .map(|name| ProblemFault {
-            parameter: Some("signals".to_owned()),
-            code: "unknown_signal".to_owned(),
-            detail: format!("the recording has no signal `{name}`"),
-            ..ProblemFault::default()
+    let faults: Vec<Fault> = unknown
+        .map(|name| {
+            let detail = format!("the recording has no signal `{name}`");
+            Fault::of_parameter("signals", "unknown_signal", detail)
         })
         .collect();
     if faults.is_empty() {

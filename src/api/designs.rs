@@ -78,7 +78,7 @@ pub struct DesignDocument {
              example = json!([{"kind": "prbs", "clock_s": 0.2, "bits": 7},
                               {"name": "sweep", "kind": "multisine", "lowest_hz": 0.1, "highest_hz": 5.0}]))]
     pub proposals: Vec<Value>,
-    /// Of a model that nothing drives: which instants may be measured.
+    /// The instants that may be measured, of a model that nothing drives.
     #[schema(nullable = false)]
     pub instants: Option<PlannedInstants>,
     /// The parameters whose uncertainty shall become small: one, or several together (the

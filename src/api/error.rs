@@ -178,7 +178,7 @@ impl Kind {
 pub struct Problem {
     kind: Kind,
     detail: String,
-    errors: Vec<ProblemFault>,
+    errors: Vec<Fault>,
     headers: Vec<(HeaderName, HeaderValue)>,
     damage: Option<Arc<StoreError>>,
     /// Notes for the layers around the handlers, which the answer carries.
@@ -202,12 +202,12 @@ impl Problem {
     }
 
     /// A problem that lists its faults.
-    pub fn of_faults(kind: Kind, faults: impl IntoIterator<Item = ProblemFault>) -> Self {
-        let mut errors: Vec<ProblemFault> = faults.into_iter().collect();
+    pub fn of_faults(kind: Kind, faults: impl IntoIterator<Item = Fault>) -> Self {
+        let mut errors: Vec<Fault> = faults.into_iter().collect();
         let detail = match errors.as_slice() {
             [] => "something is wrong".to_owned(),
-            [one] => one.sentence(),
-            [first, rest @ ..] => format!("{} (and {} more)", first.sentence(), rest.len()),
+            [one] => one.to_string(),
+            [first, rest @ ..] => format!("{first} (and {} more)", rest.len()),
         };
         errors.truncate(MAX_FAULTS);
         Self {
@@ -218,7 +218,7 @@ impl Problem {
 
     /// The document of a job is wrong.
     pub fn of_document(faults: Vec<Fault>) -> Self {
-        Self::of_faults(Kind::Invalid, faults.into_iter().map(ProblemFault::from))
+        Self::of_faults(Kind::Invalid, faults)
     }
 
     /// There is no `what` of that name.
@@ -260,12 +260,8 @@ impl Problem {
 
     /// Puts `parent`, the place of the document in the body, before the pointer of each fault.
     pub fn below(mut self, parent: &str) -> Self {
-        for fault in &mut self.errors {
-            fault.pointer = fault
-                .pointer
-                .take()
-                .map(|pointer| format!("{parent}{pointer}"));
-        }
+        let faults = self.errors.into_iter();
+        self.errors = faults.map(|fault| fault.below(parent)).collect();
         self
     }
 
@@ -428,64 +424,7 @@ pub struct ProblemDocument {
     #[schema(example = "/v1/jobs")]
     instance: String,
     /// Each single fault; empty where there is only the one that `detail` tells.
-    errors: Vec<ProblemFault>,
+    errors: Vec<Fault>,
     /// The `X-Request-Id` of the answer, under which the server logged it.
     request_id: String,
-}
-
-/// One fault, with its place.
-#[derive(Clone, Debug, Default, PartialEq, Serialize, ToSchema)]
-#[schema(as = ProblemFault)]
-pub struct ProblemFault {
-    /// The place in a JSON body.
-    #[serde(skip_serializing_if = "Option::is_none")]
-    #[schema(nullable = false, example = "/parameters/mass/estimate/lower")]
-    pub pointer: Option<String>,
-    /// The query parameter.
-    #[serde(skip_serializing_if = "Option::is_none")]
-    #[schema(nullable = false)]
-    pub parameter: Option<String>,
-    /// The request header.
-    #[serde(skip_serializing_if = "Option::is_none")]
-    #[schema(nullable = false)]
-    pub header: Option<String>,
-    /// The line in a body of text, from 1.
-    #[serde(skip_serializing_if = "Option::is_none")]
-    #[schema(nullable = false)]
-    pub line: Option<u64>,
-    /// The column: its name in CSV, the number of the character in text that is not JSON.
-    #[serde(skip_serializing_if = "Option::is_none")]
-    #[schema(nullable = false)]
-    pub column: Option<String>,
-    /// What kind of fault, for programs.
-    #[schema(example = "bounds_reversed")]
-    pub code: String,
-    /// What is wrong, for people.
-    #[schema(example = "lower 120 is not below upper 20")]
-    pub detail: String,
-}
-
-impl ProblemFault {
-    fn sentence(&self) -> String {
-        let place = self.pointer.as_ref().filter(|pointer| !pointer.is_empty());
-        let place = place.or(self.parameter.as_ref()).or(self.header.as_ref());
-        match (place, self.line) {
-            (Some(place), _) => format!("{place}: {}", self.detail),
-            (None, Some(line)) => format!("line {line}: {}", self.detail),
-            (None, None) => self.detail.clone(),
-        }
-    }
-}
-
-impl From<Fault> for ProblemFault {
-    fn from(fault: Fault) -> Self {
-        Self {
-            pointer: Some(fault.pointer),
-            code: fault.code.into_owned(),
-            detail: fault.detail,
-            line: fault.line,
-            column: fault.column.map(|column| column.to_string()),
-            ..Self::default()
-        }
-    }
 }

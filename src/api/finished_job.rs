@@ -6,7 +6,7 @@ use std::sync::atomic::AtomicBool;
 use axum::http::{StatusCode, header};
 
 use super::ApiState;
-use super::error::{Answer, Kind, Problem, ProblemFault};
+use super::error::{Answer, Kind, Problem};
 use super::jobs::{no_job, retry_after};
 use super::work::stopped;
 use crate::admission::Permit;
@@ -160,7 +160,7 @@ pub async fn result_of(results: &Results, row: &JobRow) -> Answer<StoredResult> 
     })
 }
 
-/// What was stored does not read back: the server is at fault.
+/// The stored text does not read back: the server is at fault.
 pub fn unreadable(error: serde_json::Error) -> Problem {
     tracing::error!(%error, "a stored job does not read back");
     Problem::of_status(StatusCode::INTERNAL_SERVER_ERROR)
@@ -168,5 +168,5 @@ pub fn unreadable(error: serde_json::Error) -> Problem {
 
 /// The job has its result, but what it was made from has been removed since.
 fn removed(faults: Vec<Fault>) -> Problem {
-    Problem::of_faults(Kind::WrongState, faults.into_iter().map(ProblemFault::from))
+    Problem::of_faults(Kind::WrongState, faults)
 }

@@ -9,7 +9,8 @@ use axum::response::Response;
 use serde::Serialize;
 use sha2::{Digest, Sha256};
 
-use super::error::{Answer, Kind, Problem, ProblemFault};
+use super::error::{Answer, Kind, Problem};
+use greybox::parsing::Fault;
 
 /// How long a client may let the server hold its answer back `[s]`.
 pub const MAX_WAIT_S: u64 = 60;
@@ -56,11 +57,9 @@ pub fn idempotency_key(headers: &HeaderMap) -> Answer<Option<String>> {
 
 /// The problem of one bad header.
 pub fn header_fault(name: &str, detail: String) -> Problem {
-    let fault = ProblemFault {
-        header: Some(name.to_owned()),
-        code: "invalid_header".to_owned(),
-        detail,
-        ..ProblemFault::default()
+    let fault = Fault {
+        header: Some(name.into()),
+        ..Fault::of_whole("invalid_header", detail)
     };
     Problem::of_faults(Kind::Invalid, [fault])
 }

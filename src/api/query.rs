@@ -4,7 +4,8 @@ use axum::extract::{FromRequestParts, Query};
 use axum::http::request::Parts;
 use utoipa::openapi::schema::{Object, ObjectBuilder, Type};
 
-use super::error::{Answer, Kind, Problem, ProblemFault};
+use super::error::{Answer, Kind, Problem};
+use greybox::parsing::Fault;
 
 /// What a handler can be asked beside its path.
 pub trait FromQuery: Sized {
@@ -49,7 +50,7 @@ impl<T: FromQuery, S: Sync> FromRequestParts<S> for Params<T> {
 pub struct QueryReader {
     pairs: Vec<(String, String)>,
     known: Vec<&'static str>,
-    faults: Vec<ProblemFault>,
+    faults: Vec<Fault>,
 }
 
 impl QueryReader {
@@ -119,13 +120,9 @@ impl QueryReader {
     }
 
     /// Records a fault of a parameter.
-    pub fn fault(&mut self, parameter: &str, code: &str, detail: String) {
-        self.faults.push(ProblemFault {
-            parameter: Some(parameter.to_owned()),
-            code: code.to_owned(),
-            detail,
-            ..ProblemFault::default()
-        });
+    pub fn fault(&mut self, parameter: &str, code: &'static str, detail: String) {
+        self.faults
+            .push(Fault::of_parameter(parameter, code, detail));
     }
 
     fn refuse_the_unknown(&mut self) {

@@ -23,7 +23,6 @@ use greybox::identification::spec::{
 };
 use greybox::identification::{DatasetId, simulation};
 use greybox::intake;
-use greybox::parsing::fault::Fault;
 use greybox::recording::{Recording, SampledSignal};
 
 /// Points of the answer at the most.
@@ -204,14 +203,7 @@ fn inline(inputs: &Value) -> Answer<Recording> {
     let text = inputs.to_string();
     let recording = intake::json::read(text.as_bytes(), intake::ReadingPurpose::Recording);
     recording.map_err(|error| {
-        let faults = error.faults().iter().map(|fault| {
-            let pointer = fault.pointer.as_deref().unwrap_or_default();
-            Fault::new(
-                format!("/inputs{pointer}"),
-                fault.code,
-                fault.detail.clone(),
-            )
-        });
-        Problem::of_document(faults.collect())
+        let faults = error.faults().iter().cloned();
+        Problem::of_document(faults.map(|fault| fault.below("/inputs")).collect())
     })
 }

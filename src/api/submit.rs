@@ -54,12 +54,12 @@ pub struct Validation {
     spec: JobSpec,
     /// What the job will cost.
     predicted_cost: PredictedCost,
-    /// What its data could fix.
+    /// The parameters that the job's data could fix.
     identifiability: Identifiability,
     /// What is taken as known, and what that will do to the parameters, in the middle of the search
     /// ranges.
     budget: Vec<BudgetLine>,
-    /// What its user should know before it runs.
+    /// Findings that the job's user should know before the job runs.
     findings: Vec<Finding>,
 }
 

@@ -20,7 +20,7 @@ pub(super) struct Addresses {
 }
 
 impl Addresses {
-    /// So many connections of each address, those of proxies apart.
+    /// Counts of up to `most` connections of each address; addresses of proxies are not counted.
     pub(super) fn new(most: usize, proxies: &[IpNet]) -> Self {
         Self {
             most,

@@ -37,7 +37,7 @@ pub enum TlsError {
     Pem {
         /// The file.
         path: PathBuf,
-        /// What it should hold.
+        /// The kind of item that the file should hold.
         what: &'static str,
     },
     /// Certificate and key are not for each other, or for nothing.

@@ -15,12 +15,12 @@ pub struct CommandError {
 }
 
 impl CommandError {
-    /// What was given is wrong.
+    /// An error of one wrong input.
     pub fn input(sentence: impl fmt::Display) -> CommandError {
         CommandError::inputs([sentence])
     }
 
-    /// What was given is wrong in several places.
+    /// An error of an input that is wrong in several places.
     pub fn inputs(sentences: impl IntoIterator<Item = impl fmt::Display>) -> CommandError {
         let sentences = sentences.into_iter().map(|sentence| sentence.to_string());
         CommandError {

@@ -36,7 +36,7 @@ pub struct Arguments {
     /// Which recording
     recording: Letter,
 
-    /// Where its random numbers come from
+    /// Seed of the random numbers
     #[arg(long, default_value_t = 1)]
     seed: u64,
 

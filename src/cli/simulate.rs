@@ -48,13 +48,13 @@ pub fn simulate(arguments: &Arguments) -> Result<(), CommandError> {
     });
     let told = |faults: Vec<Fault>| {
         let sentences = faults.iter().map(|fault| {
-            let given = parameters.filter(|_| fault.pointer.starts_with(PARAMETERS));
-            let (file, skipped) = match given {
-                Some(file) => (file, PARAMETERS.len()),
-                None => (arguments.recording.as_path(), 0),
+            let parameter = fault.pointer().strip_prefix(PARAMETERS);
+            let (file, pointer) = match (parameters, parameter) {
+                (Some(file), Some(parameter)) => (file, parameter),
+                _ => (arguments.recording.as_path(), fault.pointer()),
             };
             let fault_of_file = Fault {
-                pointer: fault.pointer[skipped..].to_owned(),
+                pointer: Some(pointer.into()),
                 ..fault.clone()
             };
             format!("{}: {fault_of_file}", file.display())

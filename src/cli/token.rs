@@ -40,7 +40,7 @@ pub struct CreateArguments {
     /// The project that it is for
     #[arg(long, default_value_t = Project::default())]
     project: Project,
-    /// When it ends by itself: `90d`, `12h` or `never`
+    /// Time after which the token ends by itself: `90d`, `12h` or `never`
     #[arg(long, default_value = "365d", value_parser = expiry)]
     expires: Expiry,
     #[command(flatten)]

@@ -39,7 +39,7 @@ impl DatabaseArguments {
         }
     }
 
-    /// Where it is. An empty address is none.
+    /// The place of the database. An empty address counts as none.
     pub fn place(&self) -> Result<DatabasePlace, SettingsError> {
         let address = self.database.as_deref().filter(|url| !url.is_empty());
         match (&self.database_file, address) {

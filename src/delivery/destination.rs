@@ -31,7 +31,7 @@ const NOT_PUBLIC: [&str; 14] = [
     "224.0.0.0/4",
     "240.0.0.0/4",
 ];
-/// Of IPv6 only this is public, without what stands for an address of IPv4 and for documentation.
+/// The public part of IPv6, from which addresses that stand for one of IPv4 or for documentation are taken away.
 const PUBLIC_V6: &str = "2000::/3";
 const NOT_PUBLIC_V6: [&str; 3] = ["2001::/23", "2001:db8::/32", "2002::/16"];
 

@@ -23,10 +23,10 @@ pub struct CandidateColumn {
     /// The SI unit of the value.
     #[schema(example = "kg")]
     pub unit: String,
-    /// Of an initial state, and of a parameter of one experiment, the experiment, counted from 0;
+    /// The experiment of an initial state or of a parameter of one experiment, counted from 0;
     /// `null` for a parameter that experiments share.
     pub experiment: Option<usize>,
-    /// Of an initial state the state of the model; `null` for a parameter.
+    /// The model's state of an initial state; `null` for a parameter.
     pub state: Option<String>,
 }
 

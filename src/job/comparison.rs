@@ -23,7 +23,7 @@ pub struct Trial {
     pub evaluations: u64,
     /// How long it took `[s]`.
     pub seconds: f64,
-    /// What it found, SI.
+    /// Estimate of each parameter, SI.
     pub estimates: BTreeMap<String, f64>,
 }
 
@@ -52,7 +52,7 @@ pub struct MethodRow {
     pub seconds: Option<Spread>,
     /// The cost of a run divided by the lowest cost.
     pub cost_ratio: Option<Spread>,
-    /// Of the runs that found the minimum, how far the estimate that differs most lies from that
+    /// Among the runs that found the minimum, how far the estimate that differs most lies from that
     /// of the lowest run `[%]`.
     pub deviation_percent: Option<Spread>,
 }

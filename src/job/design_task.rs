@@ -13,7 +13,7 @@ use greybox::identification::spec::design::{DesignRequest, PastJob};
 pub struct DesignTask {
     /// Always `design`.
     kind: JobKind,
-    /// What was asked for, as it came; a model that it brought along stands by its reference.
+    /// The request as it came; a model that came along stands by its reference.
     #[schema(value_type = Object)]
     pub design: DesignRequest,
     /// The recordings of the job that the design goes on from.

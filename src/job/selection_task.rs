@@ -15,7 +15,7 @@ use greybox::identification::spec::selection::SelectionRequest;
 pub struct SelectionTask {
     /// Always `selection`.
     kind: JobKind,
-    /// What was asked for, as it came.
+    /// The request as it came.
     #[schema(value_type = Object)]
     pub selection: SelectionRequest,
     /// Where the first window begins.

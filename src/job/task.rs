@@ -12,11 +12,11 @@ use greybox::identification::{DatasetId, JobId, JobSpec};
 #[serde(untagged)]
 #[schema(as = SpecOfJob)]
 pub enum JobTask {
-    /// Of an identification.
+    /// The task of an identification.
     Identification(Box<JobSpec>),
-    /// Of a design.
+    /// The task of a design.
     Design(DesignTask),
-    /// Of a selection.
+    /// The task of a selection.
     Selection(SelectionTask),
 }
 

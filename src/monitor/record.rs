@@ -35,7 +35,7 @@ pub struct MonitorWindow {
     /// What speaks against the estimate, for programs.
     #[serde(default)]
     pub doubts: Vec<String>,
-    /// What was estimated.
+    /// The estimates.
     #[serde(default)]
     pub parameters: Vec<WatchedEstimate>,
 }
@@ -134,7 +134,7 @@ pub struct Alarm {
     pub id: i64,
     /// What kind of alarm.
     pub kind: AlarmKind,
-    /// When it was raised.
+    /// The time at which the alarm was raised.
     #[schema(value_type = String, format = DateTime)]
     pub raised_at: Timestamp,
     /// The window that raised it; absent where data stopped.
@@ -145,7 +145,7 @@ pub struct Alarm {
     #[serde(default, skip_serializing_if = "Option::is_none")]
     #[schema(nullable = false)]
     pub change: Option<ParameterChange>,
-    /// What it is about, for people, with the numbers in it.
+    /// The alarm in words, for people, with the numbers in them.
     pub detail: String,
 }
 

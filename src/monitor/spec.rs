@@ -264,7 +264,7 @@ mod tests {
             "job": {"experiments": [{"dataset": "ds_1"}, {}]}
         });
         let faults = MonitorSpec::read(&document).expect_err("much is wrong");
-        let places: Vec<&str> = faults.iter().map(|fault| &*fault.pointer).collect();
+        let places: Vec<&str> = faults.iter().map(|fault| fault.pointer()).collect();
         for place in [
             "/stream",
             "/window/length_s",

@@ -32,7 +32,7 @@ pub struct State {
     /// When the last window that was estimated began, and what is known since.
     #[serde(default)]
     pub known: Option<(i64, JointEstimate)>,
-    /// What was left of each output in the last window that was estimated, SI (root mean square).
+    /// Residual of each output in the last window that was estimated, SI (root mean square).
     #[serde(default)]
     pub left: BTreeMap<String, f64>,
     /// How far estimates can be trusted.

@@ -36,7 +36,7 @@ const CLIENT_NAME: &str = "greybox-";
 /// (its `attempt`), not the entry's.
 const ENTRY_ATTEMPTS: i32 = i32::MAX;
 
-/// Of a queue, entries of jobs whose node was cut off come first: these jobs had their places.
+/// Entries of jobs whose node was cut off come first in a queue: these jobs had their places.
 const CUT_OFF: i16 = 1;
 /// All other entries come in the order in which they were made.
 const USUAL: i16 = 2;

@@ -205,10 +205,7 @@ fn reason(job: Option<&JobRow>) -> String {
 }
 
 fn sentence(faults: &[Fault]) -> String {
-    let first = faults.first().map(|fault| match &*fault.pointer {
-        "" => fault.detail.clone(),
-        place => format!("{place}: {}", fault.detail),
-    });
+    let first = faults.first().map(Fault::to_string);
     first.unwrap_or_else(|| "the job cannot run".to_owned())
 }
 

@@ -45,7 +45,7 @@ impl Pace {
 pub(super) struct Exchange {
     /// Whether there are other nodes.
     has_others: bool,
-    /// Whether they can begin: a checkpoint with what they begin from is stored.
+    /// Whether helpers can begin: a checkpoint with what helpers begin from is stored.
     can_begin: bool,
     state: Mutex<State>,
 }

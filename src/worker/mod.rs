@@ -99,7 +99,7 @@ impl Worker {
             max_candidates: settings.max_candidates,
             store,
         };
-        // As many again wait for a place, each to follow one that ends.
+        // Twice as many jobs are taken as run at once: each waiting job follows one that ends.
         let taken_at_once = settings.jobs_at_once.saturating_mul(2);
         let client = river(&slices, taken_at_once)?;
         let wake = Wake::new(client.clone(), taken_at_once);

@@ -168,7 +168,7 @@ impl SliceWorker {
         conclusion.draw(computed).await
     }
 
-    /// What was read or written, or why the job fails: what is damaged does not read at another attempt.
+    /// The value that was read or written, or why the job fails: a damaged row does not read at another attempt.
     fn or_damage<T>(&self, done: Result<T, StoreError>) -> Result<Result<T, Failure>, StoreError> {
         match done {
             Err(error) if error.meaning() == Meaning::Damaged => {

@@ -121,7 +121,7 @@ fn compare(
         };
         !faults
             .iter()
-            .any(|fault| fault.pointer == pointer && is_limit(fault))
+            .any(|fault| fault.pointer() == pointer && is_limit(fault))
     };
     let mut compared = 0;
     for Limited { pointer, schema } in &walk.limited {

@@ -80,7 +80,7 @@ fn below(schema: &mut Value, visit: &mut dyn FnMut(&mut Value)) {
 
 /// A schema within another.
 struct Part<'s> {
-    /// What it is there: the name of a property, or nothing.
+    /// The name of the property that refers to the schema, or nothing.
     property: Option<&'s str>,
     /// Whether the other is this and more.
     is_share: bool,

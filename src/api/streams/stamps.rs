@@ -3,9 +3,10 @@
 use jiff::Timestamp;
 
 use crate::api::Limits;
-use crate::api::error::{Answer, Kind, Problem, ProblemFault};
+use crate::api::error::{Answer, Kind, Problem};
 use crate::monitor::state::instant;
 use greybox::intake;
+use greybox::parsing::Fault;
 use greybox::recording::{Batch, Recording};
 
 /// The latest stamp that a sample may have.
@@ -26,17 +27,16 @@ pub(super) fn batch(recording: Recording, latest: Timestamp) -> Answer<Batch> {
     if ahead.is_empty() {
         return Ok(batch);
     }
-    let faults = ahead.iter().take(intake::MAX_FAULTS).map(|ahead| ProblemFault {
-        code: "stamp_in_future".to_owned(),
-        detail: format!(
+    let faults = ahead.iter().take(intake::MAX_FAULTS).map(|ahead| {
+        let detail = format!(
             "`{}` has {} samples after {latest}, the first at {}: further ahead of this server's \
              clock than stamps may be. Nothing of the batch is stored; send it without them, or mend \
              the clock that made them",
             ahead.signal,
             ahead.samples,
             instant(ahead.first_ns),
-        ),
-        ..ProblemFault::default()
+        );
+        Fault::of_whole("stamp_in_future", detail)
     });
     Err(Problem::of_faults(Kind::Invalid, faults))
 }
@@ -51,11 +51,6 @@ pub(in crate::api) fn nanoseconds(instant: Timestamp) -> i64 {
 }
 
 /// The samples are not what they have to be.
-pub(super) fn invalid(code: &str, detail: String) -> Problem {
-    let fault = ProblemFault {
-        code: code.to_owned(),
-        detail,
-        ..ProblemFault::default()
-    };
-    Problem::of_faults(Kind::Invalid, [fault])
+pub(super) fn invalid(code: &'static str, detail: String) -> Problem {
+    Problem::of_faults(Kind::Invalid, [Fault::of_whole(code, detail)])
 }

@@ -65,7 +65,7 @@ pub enum Begin {
 /// All that a worker needs to go on with a job.
 #[derive(Clone, Debug)]
 pub struct Slice {
-    /// What its writes carry.
+    /// The lease that each write of the slice carries.
     pub lease: Lease,
     /// The job.
     pub job: JobRow,
@@ -108,11 +108,11 @@ pub struct Record {
     pub reported: Reported,
     /// How far the job came.
     pub progress: Option<Progress>,
-    /// Where it can go on, at the end of a slice.
+    /// The checkpoint from which the job can go on, at the end of a slice.
     pub checkpoint: Option<Checkpoint>,
     /// Time worked, at the end of a slice `[ms]`.
     pub worked_ms: u64,
-    /// What was done that other nodes are to know of.
+    /// Finished parts of which other nodes are to know.
     pub parts: Vec<SharedPart>,
     /// Whether other nodes may help with what is left, at the end of a slice.
     pub is_shared: bool,

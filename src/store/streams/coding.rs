@@ -181,7 +181,7 @@ fn class(code: u8) -> Coded<Class> {
     class_of_code.ok_or("a sample has no class")
 }
 
-/// So many words, and what comes behind them.
+/// The first `words` words, and the bytes behind them.
 fn words_of(bytes: &[u8], words: usize) -> Coded<(&[[u8; WORD]], &[u8])> {
     let (words, rest) = bytes
         .split_at_checked(words.saturating_mul(WORD))

@@ -55,7 +55,7 @@ pub(super) struct NoiseScan<'a> {
     pub noise: &'a NoiseModel,
     /// The strength of each disturbance that makes the residuals of the free run.
     pub strengths: &'a [f64],
-    /// What was fitted before; none where nothing was.
+    /// The basis that was fitted before; none where nothing was.
     pub beside: Option<ScannedBasis>,
 }
 

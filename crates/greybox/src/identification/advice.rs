@@ -19,7 +19,7 @@ use std::sync::atomic::AtomicBool;
 
 /// A job whose next steps are tried.
 pub(super) struct Advised<'a> {
-    /// What was asked.
+    /// The specification of the job.
     pub spec: &'a JobSpec,
     /// The problem of the specification.
     pub problem: &'a Problem,

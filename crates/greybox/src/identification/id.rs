@@ -10,7 +10,7 @@ pub use uuid::Uuid;
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 #[error("`{text}` is not an identifier of the form {prefix}<32 hexadecimal digits>")]
 pub struct InvalidId {
-    /// What was given.
+    /// The text that was given.
     pub text: String,
     /// The prefix that was expected, e.g. `job_`.
     pub prefix: &'static str,

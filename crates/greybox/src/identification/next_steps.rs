@@ -65,9 +65,9 @@ struct Change {
 
 /// A job and what it came to.
 pub(super) struct Finished<'a> {
-    /// What was asked.
+    /// The specification of the job.
     pub(super) spec: &'a JobSpec,
-    /// What was concluded.
+    /// The conclusion of the analysis.
     pub(super) conclusion: &'a Conclusion,
     /// The steps that were tried.
     pub(super) tries: &'a Tries,

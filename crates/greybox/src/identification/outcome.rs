@@ -63,7 +63,7 @@ pub struct Outcome {
     /// Combinations of unknowns that the data do not see, in words; each also lowers the verdict.
     #[serde(default)]
     pub flat_directions: Vec<String>,
-    /// What was taken as known, how well it is, and what that does to the parameters.
+    /// Each quantity that was taken as known, its tolerance, and how far the tolerance moves the parameters.
     #[serde(default)]
     pub budget: Vec<BudgetLine>,
     /// How well the simulated outputs follow the measured ones.

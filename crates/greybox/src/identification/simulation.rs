@@ -243,7 +243,7 @@ impl Run {
         }
     }
 
-    /// When its outputs are, from the recording's first sample.
+    /// The instants of the outputs, from the recording's first sample.
     fn time(&self, spec: &SimulationSpec) -> TimeAxis {
         let from = spec.window.and_then(|window| window.from_s).unwrap_or(0.0);
         let ExperimentData {

@@ -90,7 +90,7 @@ fn everything_that_is_wrong_is_said_at_once_with_its_place() {
     let Err(IdentificationError::Invalid(faults)) = wrong.run() else {
         panic!("it cannot be run");
     };
-    let places: Vec<&str> = faults.iter().map(|fault| &*fault.pointer).collect();
+    let places: Vec<&str> = faults.iter().map(|fault| fault.pointer()).collect();
     for place in [
         "/parameters/mass/estimate/lower",
         "/parameters/colour",

@@ -12,15 +12,15 @@ use utoipa::ToSchema;
 pub struct Report<'a> {
     /// The job's name, or what else to call it.
     pub title: &'a str,
-    /// When it ended, as it shall be shown.
+    /// The end of the job, as the report shows it.
     pub finished_at: Option<&'a str>,
-    /// What was asked.
+    /// The specification of the job.
     pub spec: &'a JobSpec,
     /// The model.
     pub model: &'a ModelDescription,
     /// The recordings, one for each experiment.
     pub recordings: &'a [RecordingFacts],
-    /// What was found.
+    /// The result of the job.
     pub outcome: &'a Outcome,
     /// The history of the search.
     pub generations: &'a [GenerationCosts],

@@ -33,13 +33,13 @@ pub struct ReportDocument {
     pub title: String,
     /// When the job ended.
     pub finished_at: Option<String>,
-    /// What was asked, with every default completed.
+    /// The specification of the job, with every default completed.
     pub spec: JobSpec,
     /// The model.
     pub model: ModelDescription,
     /// The recordings, one for each experiment.
     pub recordings: Vec<RecordingFacts>,
-    /// What was found.
+    /// The result of the job.
     pub result: Outcome,
     /// What the residuals look like.
     pub residuals: Vec<Diagnostics>,

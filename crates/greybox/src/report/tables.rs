@@ -137,7 +137,7 @@ fn tolerance(line: &BudgetLine) -> String {
     }
 }
 
-/// What was taken as known, and what it does.
+/// The table of what was taken as known, and how far it moves the estimates.
 pub fn budget(page: &mut String, outcome: &Outcome) {
     if outcome.budget.is_empty() {
         return;

@@ -78,7 +78,7 @@ impl Covariance {
         &self.matrix
     }
 
-    /// How it was made: `fisher`, or `fisher_coloured` where it was widened for the colour of the
+    /// The name of the method: `fisher`, or `fisher_coloured` where the covariance was widened for the colour of the
     /// residuals.
     #[must_use]
     pub fn method(&self) -> &'static str {

@@ -14,9 +14,9 @@ use utoipa::ToSchema;
 /// Which part of the data.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Part {
-    /// What was estimated from.
+    /// The part that was estimated from.
     Estimation,
-    /// What was held back.
+    /// The part that was held back.
     Validation,
 }
 

@@ -82,7 +82,7 @@ pub struct Score {
     /// How many standard deviations of noise the residuals pull at the declared value; standard
     /// normal where that is right.
     pub t: f64,
-    /// Where they pull it to, from the declared value, with its standard deviation.
+    /// The value to which the data pull the unknown, from the declared value, with its standard deviation.
     pub suggested: (f64, f64),
 }
 

@@ -23,7 +23,7 @@ pub(super) struct WeighedNoise {
     pub fit: FittedNoise,
     /// For each disturbance the variance that it makes of each compared output `[SI²]`.
     pub variances_made: Vec<Vec<f64>>,
-    /// Whether its disturbances would have left far more in the free run than was left.
+    /// Whether the disturbances of the model would have left far more in the free run than was left.
     pub is_too_strong: bool,
     /// The places of the compared outputs whose innovations follow each other so closely that the model misses
     /// an effect.

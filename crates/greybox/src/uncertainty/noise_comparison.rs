@@ -29,7 +29,7 @@ pub(super) struct NoiseComparison {
     free_run: Arc<LinearisedEstimate>,
     /// All noise models that were tried so far.
     trials: Vec<TrialFit>,
-    /// What those of earlier rounds came to, in their order.
+    /// The weighed noise models of earlier rounds, in their order.
     weighed: Vec<Option<Arc<WeighedNoise>>>,
     /// The free run with what is taken as known where the data and the tolerances put it; none where nothing was
     /// moved.

@@ -392,7 +392,7 @@ mod tests {
             let Err(IdentificationError::Invalid(faults)) = run else {
                 panic!("{pointer} is taken");
             };
-            let fault = faults.iter().find(|fault| fault.pointer == pointer);
+            let fault = faults.iter().find(|fault| fault.pointer() == pointer);
             assert_eq!(fault.map(|fault| &*fault.code), Some(code), "{faults:?}");
         }
     }

@@ -7,12 +7,20 @@ use serde::de::{Deserialize, Deserializer, Error as _, MapAccess, SeqAccess, Vis
 use serde_json::map::Entry;
 use serde_json::{Map, Number, Value};
 
+use super::Fault;
+
 /// Parses one JSON document; the error carries the line and the column.
 pub fn parse(text: &[u8]) -> Result<Value, serde_json::Error> {
     let mut deserializer = serde_json::Deserializer::from_slice(text);
     let Strict(value) = Strict::deserialize(&mut deserializer)?;
     deserializer.end()?;
     Ok(value)
+}
+
+/// The fault of a text that is no JSON.
+pub fn not_json(error: &serde_json::Error) -> Fault {
+    Fault::of_whole("not_json", format!("not JSON: {error}"))
+        .within((error.line() as u64, error.column() as u64))
 }
 
 struct Strict(Value);

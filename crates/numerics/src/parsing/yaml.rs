@@ -6,6 +6,8 @@
 
 use saphyr_parser::{Event, Marker, Parser, ScalarStyle, ScanError, Span, StrInput};
 use serde_json::{Map, Number, Value};
+
+use super::Fault;
 use std::fmt;
 
 /// How deep mappings and sequences may stand in each other.
@@ -55,6 +57,17 @@ impl fmt::Display for Error {
 }
 
 impl std::error::Error for Error {}
+
+impl From<Error> for Fault {
+    /// The fault of a text that is no document.
+    fn from(error: Error) -> Fault {
+        Fault::of_whole(
+            "not_yaml",
+            format!("not YAML that is understood here: {error}"),
+        )
+        .within((error.line, error.column))
+    }
+}
 
 /// Parses one YAML document.
 ///

@@ -1,11 +1,12 @@
 //! The values of one signal on their way in: to SI, with what was met among them.
 
 use super::cell::Cell;
-use super::error::{ReadingFault, ReadingFaults, excerpt};
+use super::error::{ReadingFaults, excerpt};
 use super::options::{Decimal, Options, ReadingPurpose};
 use super::units::{self, RecordedUnit};
 use super::value::{self, CellValue};
 use crate::{ClassSpan, Interpolation, NamedSignal, Warning, shown};
+use greybox_numerics::parsing::Fault;
 
 /// What loggers write where they have no value. A value is told as a likely one when it is far
 /// from all others.
@@ -163,7 +164,7 @@ impl SignalColumn {
         &mut self,
         cell: &Cell<'_>,
         options: &Options,
-        place: impl FnOnce(&'static str, String) -> ReadingFault,
+        place: impl FnOnce(&'static str, String) -> Fault,
     ) -> f64 {
         match CellValue::of(cell, options) {
             CellValue::Number(number) if self.unit_from_cells && !self.ignored => {
@@ -224,11 +225,7 @@ impl SignalColumn {
         Some(is_same.then_some(number).ok_or_else(detail))
     }
 
-    fn number(
-        &mut self,
-        number: f64,
-        place: impl FnOnce(&'static str, String) -> ReadingFault,
-    ) -> f64 {
+    fn number(&mut self, number: f64, place: impl FnOnce(&'static str, String) -> Fault) -> f64 {
         self.numbers += 1;
         if number.abs() >= SMALLEST_SENTINEL && SENTINELS.contains(&number) {
             match self

@@ -4,8 +4,9 @@
 //! and bytes that are not are passed on, for the reader to refuse with their place. `\r\n` becomes
 //! `\n`, so that lines are counted right.
 
-use super::error::{ReadError, ReadingFault, invalid};
+use super::error::{ReadError, invalid};
 use encoding_rs::{Decoder, Encoding, UTF_8};
+use greybox_numerics::parsing::Fault;
 use std::io::{self, BufRead, BufReader, Read};
 
 /// Bytes that are read at once.
@@ -38,11 +39,7 @@ impl<R: Read> DecodedText<R> {
         let mut source = BufReader::with_capacity(PIECE_BYTES, source);
         let declared = match declared {
             Some(name) => Some(named(name).map_err(|detail| {
-                invalid(ReadingFault::of_option(
-                    "unknown_encoding",
-                    "encoding",
-                    detail,
-                ))
+                invalid(Fault::of_parameter("encoding", "unknown_encoding", detail))
             })?),
             None => None,
         };

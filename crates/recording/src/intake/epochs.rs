@@ -22,9 +22,9 @@ pub(super) enum Epoch {
 /// How far a number lies from a count that the clock reads.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) enum Counted {
-    /// So many days before the serial days of a spreadsheet.
+    /// A count of days that begins `before` days before the serial days of a spreadsheet.
     Days { before: f64 },
-    /// So many units before 1970, of so many seconds each.
+    /// A count of units of `factor` seconds that begins `before` units before 1970.
     Units { before: i64, factor: f64 },
 }
 

@@ -4,39 +4,11 @@
 //! What is wrong in the same way in the same column is told three times at the most; what
 //! follows is counted.
 
-use serde::Serialize;
+use greybox_numerics::parsing::Fault;
 use std::{fmt, io};
-use utoipa::ToSchema;
 
 /// The most faults that one reading reports; it stops at the last of them.
 pub const MAX_FAULTS: usize = 20;
-
-/// One thing wrong with a recording.
-#[derive(Clone, Debug, PartialEq, Eq, Serialize, ToSchema)]
-pub struct ReadingFault {
-    /// The place as a JSON pointer, in a recording that is JSON.
-    #[serde(skip_serializing_if = "Option::is_none")]
-    pub pointer: Option<String>,
-    /// The line, from 1, in a recording that is CSV and in text that is not JSON.
-    #[serde(skip_serializing_if = "Option::is_none")]
-    pub line: Option<u64>,
-    /// The column: its name in CSV, the number of the character in text that is not JSON.
-    #[serde(skip_serializing_if = "Option::is_none")]
-    pub column: Option<String>,
-    /// The option that it is about.
-    #[serde(skip_serializing_if = "Option::is_none")]
-    pub parameter: Option<String>,
-    /// The kind of fault, e.g. `not_a_number`.
-    pub code: &'static str,
-    /// A sentence that names the place too.
-    pub detail: String,
-}
-
-impl fmt::Display for ReadingFault {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        f.write_str(&self.detail)
-    }
-}
 
 /// Why a recording could not be read.
 #[derive(Debug, thiserror::Error)]
@@ -52,16 +24,16 @@ pub enum ReadError {
     Unsupported(String),
     /// The text is not CSV or not JSON.
     #[error("the recording is malformed: {}", sentences(.0))]
-    Malformed(Vec<ReadingFault>),
+    Malformed(Vec<Fault>),
     /// The text was understood, and what it says is wrong.
     #[error("the recording is wrong: {}", sentences(.0))]
-    Invalid(Vec<ReadingFault>),
+    Invalid(Vec<Fault>),
 }
 
 impl ReadError {
     /// What is wrong, in the order of the text; empty when the source itself failed.
     #[must_use]
-    pub fn faults(&self) -> &[ReadingFault] {
+    pub fn faults(&self) -> &[Fault] {
         match self {
             Self::Io(_) | Self::Scratch(_) | Self::Unsupported(_) => &[],
             Self::Malformed(faults) | Self::Invalid(faults) => faults,
@@ -69,8 +41,8 @@ impl ReadError {
     }
 }
 
-fn sentences(faults: &[ReadingFault]) -> String {
-    let details: Vec<&str> = faults.iter().map(|fault| fault.detail.as_str()).collect();
+fn sentences(faults: &[Fault]) -> String {
+    let details: Vec<&str> = faults.iter().map(|fault| &*fault.detail).collect();
     details.join("; ")
 }
 
@@ -80,7 +52,7 @@ const TOLD_OF_A_KIND: usize = 3;
 /// A fault, and how many more like it there are.
 #[derive(Debug)]
 struct FaultGroup {
-    fault: ReadingFault,
+    fault: Fault,
     more: u64,
     last_line: Option<u64>,
 }
@@ -94,7 +66,7 @@ pub(super) struct ReadingFaults {
 
 impl ReadingFaults {
     /// Keeps a fault in what the text says.
-    pub(super) fn invalid(&mut self, fault: ReadingFault) {
+    pub(super) fn invalid(&mut self, fault: Fault) {
         self.keep(FaultGroup {
             last_line: fault.line,
             fault,
@@ -103,7 +75,7 @@ impl ReadingFaults {
     }
 
     /// Keeps a fault in the form of the text.
-    pub(super) fn malformed(&mut self, fault: ReadingFault) {
+    pub(super) fn malformed(&mut self, fault: Fault) {
         self.malformed = true;
         self.invalid(fault);
     }
@@ -115,7 +87,7 @@ impl ReadingFaults {
     }
 
     fn keep(&mut self, new: FaultGroup) {
-        let place = |fault: &ReadingFault| fault.line.is_some() || fault.pointer.is_some();
+        let place = |fault: &Fault| fault.line.is_some() || fault.pointer.is_some();
         let same = |told: &&mut FaultGroup| {
             let (earlier, later) = (&told.fault, &new.fault);
             let is_of_a_kind = earlier.code == later.code && earlier.column == later.column;
@@ -156,7 +128,7 @@ impl ReadingFaults {
 }
 
 impl FaultGroup {
-    fn counted(self) -> ReadingFault {
+    fn counted(self) -> Fault {
         let Self {
             mut fault,
             more,
@@ -165,78 +137,50 @@ impl FaultGroup {
         if more > 0 {
             let last = last_line.map(|line| format!(", the last on line {line}"));
             let last = last.unwrap_or_default();
-            fault.detail = format!("{}; and {more} more like it{last}", fault.detail);
+            let detail = format!("{}; and {more} more like it{last}", fault.detail);
+            fault.detail = detail.into();
         }
         fault
     }
 }
 
-impl ReadingFault {
-    /// At a line and, where it is known, a column.
-    pub(super) fn at_line(
-        code: &'static str,
-        line: u64,
-        column: Option<&str>,
-        detail: impl fmt::Display,
-    ) -> Self {
-        let place = match column {
-            Some(column) => format!("line {line}, column `{column}`"),
-            None => format!("line {line}"),
-        };
-        Self {
-            line: Some(line),
-            column: column.map(str::to_owned),
-            ..Self::anywhere(code, format!("{place}: {detail}"))
-        }
-    }
-
-    /// At a JSON pointer.
-    pub(super) fn at_pointer(
-        code: &'static str,
-        pointer: String,
-        detail: impl fmt::Display,
-    ) -> Self {
-        let detail = format!("`{pointer}`: {detail}");
-        Self {
-            pointer: Some(pointer),
-            ..Self::anywhere(code, detail)
-        }
-    }
-
-    /// In an option.
-    pub(super) fn of_option(code: &'static str, option: &str, detail: impl fmt::Display) -> Self {
-        Self {
-            parameter: Some(option.to_owned()),
-            ..Self::anywhere(code, detail.to_string())
-        }
-    }
-
-    /// About a signal, or the whole.
-    pub(super) fn anywhere(code: &'static str, detail: String) -> Self {
-        Self {
-            pointer: None,
-            line: None,
-            column: None,
-            parameter: None,
-            code,
-            detail,
-        }
+/// A fault at a line and, where it is known, a column; the sentence names both.
+pub(super) fn at_line(
+    line: u64,
+    column: Option<&str>,
+    code: &'static str,
+    detail: impl fmt::Display,
+) -> Fault {
+    let place = match column {
+        Some(column) => format!("line {line}, column `{column}`"),
+        None => format!("line {line}"),
+    };
+    Fault {
+        line: Some(line),
+        column: column.map(Box::from),
+        ..Fault::of_whole(code, format!("{place}: {detail}"))
     }
 }
 
+/// A fault at a JSON pointer, which the sentence names too.
+pub(super) fn at_pointer(pointer: String, code: &'static str, detail: impl fmt::Display) -> Fault {
+    let detail = format!("`{pointer}`: {detail}");
+    Fault::new(pointer, code, detail)
+}
+
 /// An error of one fault in the form of the text.
-pub(super) fn malformed(fault: ReadingFault) -> ReadError {
+pub(super) fn malformed(fault: Fault) -> ReadError {
     ReadError::Malformed(vec![fault])
 }
 
 /// An error of one fault in what the text says.
-pub(super) fn invalid(fault: ReadingFault) -> ReadError {
+pub(super) fn invalid(fault: Fault) -> ReadError {
     ReadError::Invalid(vec![fault])
 }
 
 /// A fault on its way through readers of text.
 #[derive(Debug)]
-struct Broken(ReadingFault);
+struct Broken(Fault);
 
 impl fmt::Display for Broken {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
@@ -247,7 +191,7 @@ impl fmt::Display for Broken {
 impl std::error::Error for Broken {}
 
 /// A fault for a reader of text to pass on.
-pub(super) fn broken(fault: ReadingFault) -> io::Error {
+pub(super) fn broken(fault: Fault) -> io::Error {
     io::Error::new(io::ErrorKind::InvalidData, Broken(fault))
 }
 

@@ -1,9 +1,9 @@
 //! Bodies that are packed with gzip, which their first bytes tell.
 
-use super::ReadingFault;
 use super::error::broken;
 use super::memory::{MOST_RATIO, Memory, may_unpack};
 use flate2::bufread::MultiGzDecoder;
+use greybox_numerics::parsing::Fault;
 use std::io::{self, BufRead, ErrorKind, Read};
 
 /// The first bytes of what gzip packs.
@@ -35,14 +35,14 @@ impl<R: BufRead> Read for Unpacked<R> {
             .map_err(|error| match error.kind() {
                 ErrorKind::InvalidInput | ErrorKind::InvalidData | ErrorKind::UnexpectedEof => {
                     let detail = format!("what gzip packed is damaged or cut off: {error}");
-                    broken(ReadingFault::anywhere("damaged", detail))
+                    broken(Fault::of_whole("damaged", detail))
                 }
                 _ => error,
             })?;
         self.unpacked += count as u64;
         if !may_unpack(self.memory.read(), self.unpacked) {
             let detail = format!("it unpacks to more than {MOST_RATIO} times its size");
-            return Err(broken(ReadingFault::anywhere("too_large", detail)));
+            return Err(broken(Fault::of_whole("too_large", detail)));
         }
         Ok(count)
     }

@@ -1,8 +1,8 @@
 //! The layout of a table of text as its first rows show it, under the options that are given: for people who
 //! confirm it or say otherwise before the whole is read.
 
-use super::error::ReadingFault;
 use crate::Warning;
+use greybox_numerics::parsing::Fault;
 use serde::Serialize;
 use utoipa::ToSchema;
 
@@ -30,7 +30,7 @@ pub struct Layout {
     /// What would be assumed or left out.
     pub warnings: Vec<Warning>,
     /// What would be refused.
-    pub faults: Vec<ReadingFault>,
+    pub faults: Vec<Fault>,
 }
 
 /// A column of a table.

@@ -17,7 +17,7 @@ pub use written::{
 
 use super::cell::Cell;
 use super::clock::Clock;
-use super::error::{ReadError, ReadingFault, excerpt, malformed};
+use super::error::{ReadError, at_line, excerpt, malformed};
 use super::memory::{LONGEST_ROW, Memory};
 use super::options::Options;
 use super::tags::{Quality, RawSample, Tags};
@@ -51,12 +51,7 @@ pub(super) fn read(
             Ok(text) => push(&mut tags, text, line.number),
             Err(LineFault::TooLong) => return Err(too_long(line.number)),
             Err(fault) => {
-                let place = ReadingFault::at_line(
-                    "not_line_protocol",
-                    line.number,
-                    None,
-                    fault.to_string(),
-                );
+                let place = at_line(line.number, None, "not_line_protocol", fault.to_string());
                 tags.faults.malformed(place);
             }
         }
@@ -66,11 +61,11 @@ pub(super) fn read(
 
 fn too_long(number: u64) -> ReadError {
     let detail = format!("the line has more than {LONGEST_ROW} bytes");
-    malformed(ReadingFault::at_line("line_too_long", number, None, detail))
+    malformed(at_line(number, None, "line_too_long", detail))
 }
 
 fn push(tags: &mut Tags<'_>, text: &str, number: u64) {
-    let place = |code, detail: String| ReadingFault::at_line(code, number, None, detail);
+    let place = |code, detail: String| at_line(number, None, code, detail);
     let point = match ProtocolLine::parse(text) {
         Ok(point) => point,
         Err(fault) => {

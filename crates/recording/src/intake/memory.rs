@@ -5,7 +5,8 @@
 //! A reader whose memory grows with something else than the size of its body asks [`Memory`] before it
 //! holds more, and refuses the body where the answer is no.
 
-use super::error::{ReadError, ReadingFault, malformed};
+use super::error::{ReadError, malformed};
+use greybox_numerics::parsing::Fault;
 use std::cell::Cell;
 use std::io::{self, Read};
 use std::rc::Rc;
@@ -92,7 +93,7 @@ impl Memory {
     /// Refuses to hold so many bytes where a [`Memory::refusal`] says why.
     pub(super) fn hold(&self, bytes: u64, what: &str, instead: &str) -> Result<(), ReadError> {
         match self.refusal(bytes, what, instead) {
-            Some(detail) => Err(malformed(ReadingFault::anywhere("too_much_memory", detail))),
+            Some(detail) => Err(malformed(Fault::of_whole("too_much_memory", detail))),
             None => Ok(()),
         }
     }

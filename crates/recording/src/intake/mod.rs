@@ -35,7 +35,8 @@ mod tags;
 pub mod units;
 mod value;
 
-pub use error::{MAX_FAULTS, ReadError, ReadingFault};
+use crate::intake::error::at_line;
+pub use error::{MAX_FAULTS, ReadError};
 pub use format::{Format, MediaKind};
 pub use layout::{ColumnRole, Layout, LayoutColumn, LayoutRow};
 pub use memory::{MEMORY_ALWAYS, MEMORY_PER_BYTE, MOST_RATIO, may_unpack};
@@ -113,10 +114,10 @@ fn receive_plain(
     let mut head = Vec::new();
     text.by_ref().take(HEAD_BYTES).read_to_end(&mut head)?;
     if head.trim_ascii().is_empty() {
-        let fault = ReadingFault::at_line(
-            "empty",
+        let fault = at_line(
             1,
             None,
+            "empty",
             "there is no header row: the text is empty",
         );
         return Err(malformed(fault));

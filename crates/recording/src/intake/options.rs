@@ -1,12 +1,13 @@
 //! What a source does not say itself: options that come with it, and are kept with what was read.
 
 use super::epochs::Epoch;
-use super::error::{ReadError, ReadingFault, ReadingFaults};
+use super::error::{ReadError, ReadingFaults};
 use super::format::Format;
 use super::quality::Scheme;
 use super::table_options::TableOptions;
 use super::{encoding, table_options, units};
 use crate::{Interpolation, MIN_SAMPLES, RecordingSource, TimeAxis, Warning};
+use greybox_numerics::parsing::Fault;
 use greybox_numerics::parsing::reader::did_you_mean;
 use jiff::tz::TimeZone;
 use std::collections::BTreeMap;
@@ -216,7 +217,7 @@ impl Options {
         };
         for option in useless.iter().filter(is_given) {
             let detail = format!("`{option}` says nothing about {format}");
-            faults.invalid(ReadingFault::of_option("invalid_parameter", option, detail));
+            faults.invalid(Fault::of_parameter(option, "invalid_parameter", detail));
         }
         faults.result()
     }
@@ -262,7 +263,7 @@ impl Options {
             if !names.contains(&name.as_str()) && !renamed {
                 let hint = did_you_mean(name, names.iter().copied());
                 let detail = format!("there is no signal `{name}`{hint}");
-                faults.invalid(ReadingFault::of_option("unknown_signal", option, detail));
+                faults.invalid(Fault::of_parameter(option, "unknown_signal", detail));
             }
         }
     }

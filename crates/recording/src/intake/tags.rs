@@ -6,7 +6,7 @@
 use super::cell::Cell;
 use super::clock::Clock;
 use super::column::SignalColumn;
-use super::error::{ReadError, ReadingFault, ReadingFaults};
+use super::error::{ReadError, ReadingFaults};
 use super::memory::Memory;
 use super::options::{GridOption, Options, ReadingPurpose};
 use super::order::CoarseTimes;
@@ -16,6 +16,7 @@ use crate::{
     Class, ClassSpan, Interpolation, MAX_SIGNALS, ReceivedRecording, Recording, TimeAxis, Warning,
     name_fault, shown,
 };
+use greybox_numerics::parsing::Fault;
 use std::collections::HashMap;
 use tag::{Common, Tag};
 
@@ -82,7 +83,7 @@ pub(super) enum Quality<'c> {
 }
 
 /// Makes a fault at a place of the source.
-pub(super) type MakeFault<'p> = &'p dyn Fn(&'static str, String) -> ReadingFault;
+pub(super) type MakeFault<'p> = &'p dyn Fn(&'static str, String) -> Fault;
 
 impl<'o> Tags<'o> {
     /// No tags yet. `scheme` is what the format itself says of its codes of quality.
@@ -264,8 +265,7 @@ impl<'o> Tags<'o> {
         self.check_names();
         if self.tags.is_empty() && self.faults.is_empty() {
             let detail = "there is no signal with a number in it".to_owned();
-            self.faults
-                .invalid(ReadingFault::anywhere("no_signals", detail));
+            self.faults.invalid(Fault::of_whole("no_signals", detail));
         }
         std::mem::take(&mut self.faults).result()?;
         let first = self.order();
@@ -328,7 +328,7 @@ impl<'o> Tags<'o> {
             if !seen.insert(tag.column.name.as_str()) {
                 let detail = format!("two signals are called `{}`", tag.column.name);
                 self.faults
-                    .invalid(ReadingFault::anywhere("duplicate_name", detail));
+                    .invalid(Fault::of_whole("duplicate_name", detail));
             }
         }
     }
@@ -423,7 +423,7 @@ impl<'o> Tags<'o> {
                  `grid`, or `none`",
                 shown(sample_time)
             );
-            return Err(super::error::invalid(ReadingFault::anywhere(
+            return Err(super::error::invalid(Fault::of_whole(
                 "grid_too_fine",
                 detail,
             )));
@@ -484,7 +484,7 @@ fn enough(instants: Vec<f64>, least: usize) -> Result<Vec<f64>, ReadError> {
         "{} samples at distinct times; at least {least} are needed",
         instants.len()
     );
-    Err(super::error::invalid(ReadingFault::anywhere(
+    Err(super::error::invalid(Fault::of_whole(
         "too_few_samples",
         detail,
     )))

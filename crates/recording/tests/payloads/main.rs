@@ -124,7 +124,7 @@ fn wrong(expectation: &Path) -> Option<String> {
     let read = read(&payload(expectation), &expected);
     let difference = match (&read, expected.get("faults"), expected.get("unsupported")) {
         (Err(error), Some(faults), _) => {
-            let codes: Vec<&str> = error.faults().iter().map(|fault| fault.code).collect();
+            let codes: Vec<&str> = error.faults().iter().map(|fault| &*fault.code).collect();
             (json!(codes) != *faults).then(|| format!("{codes:?}: {error}"))
         }
         (Err(ReadError::Unsupported(detail)), _, Some(name)) => {

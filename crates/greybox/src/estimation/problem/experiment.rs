@@ -50,7 +50,7 @@ pub struct UnknownStart {
 }
 
 impl Experiment {
-    /// So many samples from one on, all of which are estimated from.
+    /// The experiment of `samples` samples from the sample `from` on, all of which are estimated from.
     #[must_use]
     pub fn part(&self, from: usize, samples: usize) -> Experiment {
         let part = |values: &Vec<f64>| values[from..from + samples].to_vec();

@@ -13,7 +13,7 @@ const NEGLIGIBLE_DAMPING: f64 = 1e-6;
 const STRETCHED_WITHIN: f64 = 3.0;
 /// Shorter and longer steps that are tried in place of negligible dampings, relative to the last good one.
 const STRETCHES: [f64; 8] = [1.0, 0.7, 1.4, 0.5, 2.0, 0.85, 1.2, 0.25];
-/// So many times the last step is tried in place of the dampings that come last: in a valley with rough ground only
+/// Multiples of the last step that are tried in place of the dampings that come last: in a valley with rough ground only
 /// short steps gain, one like the other, and together they are the way.
 const MOMENTA: [f64; 2] = [3.0, 10.0];
 /// Fewer standard errors from the minimum the linear model knows the way.

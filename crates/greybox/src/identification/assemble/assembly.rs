@@ -20,7 +20,7 @@ use std::sync::Arc;
 pub struct Assembly {
     /// The problem.
     pub problem: Problem,
-    /// What its user should know.
+    /// Findings that the job's user should know.
     pub findings: Vec<Finding>,
 }
 

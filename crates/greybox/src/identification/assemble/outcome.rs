@@ -22,7 +22,7 @@ use std::collections::BTreeMap;
 pub struct Origin {
     /// The job, as clients name it.
     pub job: String,
-    /// What was asked.
+    /// The specification of the job.
     pub spec: JobSpec,
     /// The digest of each recording.
     pub dataset_digests: Vec<String>,

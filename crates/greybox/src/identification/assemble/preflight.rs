@@ -19,7 +19,7 @@ pub struct Preflight {
     pub evaluations: u64,
     /// Derivatives that one candidate takes, at the middle of the search box.
     pub derivatives_per_evaluation: u64,
-    /// What its user should know.
+    /// Findings that the job's user should know.
     pub findings: Vec<Finding>,
 }
 

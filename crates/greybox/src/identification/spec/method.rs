@@ -31,7 +31,7 @@ mod tests {
             assert!(
                 faults
                     .iter()
-                    .all(|fault| fault.pointer == "/monte_carlo_samples")
+                    .all(|fault| fault.pointer() == "/monte_carlo_samples")
             );
         }
     }

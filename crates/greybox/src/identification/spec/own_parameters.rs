@@ -125,6 +125,6 @@ pub(super) fn faults_of<T>(
     read(&Field::root(document, &faults), parameters);
     let faults = faults.into_vec().into_iter();
     faults
-        .map(|fault| (fault.pointer, fault.code.into_owned()))
+        .map(|fault| (fault.pointer().to_owned(), fault.code.into_owned()))
         .collect()
 }

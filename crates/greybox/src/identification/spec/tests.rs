@@ -95,7 +95,7 @@ fn faults(change: impl FnOnce(&mut Value)) -> Vec<(String, String)> {
     let faults = read(&document).expect_err("the document is wrong");
     let pairs = faults.into_iter();
     pairs
-        .map(|fault| (fault.pointer, fault.code.into_owned()))
+        .map(|fault| (fault.pointer().to_owned(), fault.code.into_owned()))
         .collect()
 }
 

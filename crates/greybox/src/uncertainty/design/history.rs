@@ -111,7 +111,7 @@ pub struct WindowGoal {
 /// The windows that were chosen.
 #[derive(Clone, Debug, PartialEq)]
 pub struct ChosenWindows {
-    /// Their places, in the order of time.
+    /// The places of the chosen windows, in the order of time.
     pub windows: Vec<usize>,
     /// Whether no exchange would help, as far as was looked.
     pub is_finished: bool,

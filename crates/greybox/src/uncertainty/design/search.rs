@@ -15,7 +15,7 @@ const MOST_ASSESSMENTS: usize = 150;
 const SMALLEST_AMPLITUDE: f64 = 0.1;
 /// The sines of a multisine.
 const LINES: u32 = 8;
-/// Of the sampling frequency, the highest frequency that is looked at.
+/// The highest frequency that is looked at, as a share of the sampling frequency.
 const HIGHEST_SHARE: f64 = 0.25;
 /// A score that is larger by less is no gain.
 const LEAST_GAIN: f64 = 1e-9;
@@ -119,7 +119,7 @@ pub struct Assessed {
 #[derive(Clone, Debug)]
 pub struct Search {
     family: Family,
-    /// What was looked at, with its point of the unit cube.
+    /// The designs that were looked at, each with its point of the unit cube.
     seen: Vec<(Vec<f64>, Assessed)>,
     /// The place of the best among them.
     best: usize,

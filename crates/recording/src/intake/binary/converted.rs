@@ -1,12 +1,13 @@
 //! Rows of a file that is no text, turned into CSV as they are read.
 
 use super::super::csv;
-use super::super::error::{malformed, told};
+use super::super::error::{at_line, malformed, told};
 use super::super::format::HEAD_BYTES;
 use super::super::memory::Memory;
 use super::super::options::Options;
-use super::super::{Format, ReadError, ReadingFault};
+use super::super::{Format, ReadError};
 use crate::{NewScratch, ReceivedRecording, Warning};
+use greybox_numerics::parsing::Fault;
 use std::io::{self, Cursor, Read};
 
 /// The text of rows that is made before it is read, beside the last row `[bytes]`.
@@ -15,7 +16,7 @@ pub(super) const TEXT_AT_ONCE: usize = 64 << 10;
 pub(super) fn damaged(format: Format) -> ReadError {
     let name = format.name();
     let detail = format!("the file is damaged: no reader of {name} reads it");
-    malformed(ReadingFault::anywhere("damaged", detail))
+    malformed(Fault::of_whole("damaged", detail))
 }
 
 /// The rows of a file, turned into CSV, with notes on what the text leaves out.
@@ -36,8 +37,7 @@ pub(super) fn receive_rows(
     let read = rows.text.by_ref().take(HEAD_BYTES).read_to_end(&mut head);
     read.map_err(|error| told(ReadError::Io(error)))?;
     if head.trim_ascii().is_empty() {
-        let fault =
-            ReadingFault::at_line("empty", 1, None, "there is no header row: there is no row");
+        let fault = at_line(1, None, "empty", "there is no header row: there is no row");
         return Err(malformed(fault));
     }
     let layout = csv::recognised(&head, options);

@@ -1,18 +1,19 @@
 //! A worksheet of an Excel workbook (`.xlsx`).
 
-use super::super::error::{broken, invalid, malformed};
+use super::super::error::{at_line, broken, invalid, malformed};
 use super::super::memory::Memory;
 use super::converted::{
     ConvertedRows, RowText, TEXT_AT_ONCE, WriteRows, push_field, push_number, receive_rows,
 };
 use super::workbook;
 use crate::intake::options::Options;
-use crate::intake::{Format, ReadError, ReadingFault};
+use crate::intake::{Format, ReadError};
 use crate::{MAX_SIGNALS, NewScratch, ReceivedRecording, Warning};
 use bytes::Bytes;
 use calamine::{
     Cell, DataRef, ExcelDateTime, Reader, SheetType, SheetVisible, Xlsx, XlsxCellReader, XlsxError,
 };
+use greybox_numerics::parsing::Fault;
 use std::io::{self, Cursor, Write};
 
 /// The rows of a worksheet, at the most: those that Excel has.
@@ -53,7 +54,7 @@ pub(super) fn receive(
 
 fn not_read(error: &XlsxError) -> ReadError {
     let detail = format!("this is no Excel workbook that can be read: {error}");
-    malformed(ReadingFault::anywhere("not_a_workbook", detail))
+    malformed(Fault::of_whole("not_a_workbook", detail))
 }
 
 /// The sheet to read: the one that an option names, or the first that can be seen and has cells.
@@ -73,7 +74,7 @@ fn sheet(
             return Ok((wanted.clone(), Vec::new()));
         }
         let detail = format!("the workbook has {}, not `{wanted}`", names(&sheets));
-        let fault = ReadingFault::of_option("invalid_parameter", "sheet", detail);
+        let fault = Fault::of_parameter("sheet", "invalid_parameter", detail);
         return Err(invalid(fault));
     }
     let mut filled = Vec::new();
@@ -83,7 +84,7 @@ fn sheet(
         }
     }
     let Some(first) = filled.first() else {
-        let fault = ReadingFault::anywhere(
+        let fault = Fault::of_whole(
             "empty",
             "no worksheet of the workbook has anything in it".to_owned(),
         );
@@ -131,10 +132,10 @@ impl<'w> Sheet<'w> {
         while !self.is_over {
             let cell = self.cells.next_cell().map_err(|error| {
                 let detail = format!("the worksheet is broken: {error}");
-                broken(ReadingFault::at_line(
-                    "not_a_workbook",
+                broken(at_line(
                     u64::from(self.row) + 1,
                     None,
+                    "not_a_workbook",
                     detail,
                 ))
             })?;
@@ -152,7 +153,7 @@ impl<'w> Sheet<'w> {
         let (row, _) = first.get_position();
         let out_of_place = |detail: &str| {
             let line = u64::from(row) + 1;
-            broken(ReadingFault::at_line("out_of_place", line, None, detail))
+            broken(at_line(line, None, "out_of_place", detail))
         };
         if row < self.row || row >= MOST_ROWS {
             return Err(out_of_place("rows do not follow each other"));

@@ -16,10 +16,11 @@ mod workbook;
 use super::error::malformed;
 use super::memory::Memory;
 use super::options::Options;
-use super::{Format, ReadError, ReadingFault};
+use super::{Format, ReadError};
 use crate::{NewScratch, ReceivedRecording};
 use bytes::Bytes;
 use converted::damaged;
+use greybox_numerics::parsing::Fault;
 use std::io::Read;
 use std::panic::{self, AssertUnwindSafe};
 
@@ -44,7 +45,7 @@ pub(super) fn receive(
             format.name(),
             MAX_BYTES >> 20
         );
-        return Err(malformed(ReadingFault::anywhere("too_large", detail)));
+        return Err(malformed(Fault::of_whole("too_large", detail)));
     }
     memory.take(bytes.len() as u64);
     let bytes = Bytes::from(bytes);

@@ -4,8 +4,9 @@
 use super::super::error::malformed;
 use super::super::memory::{MOST_RATIO, Memory, may_unpack};
 use super::markup::{Excess, LONGEST_BYTES, Scan};
-use crate::intake::{ReadError, ReadingFault};
+use crate::intake::ReadError;
 use bytes::Bytes;
+use greybox_numerics::parsing::Fault;
 use std::fmt;
 use std::io::{Cursor, Read};
 use zip::{ZipArchive, ZipWriter};
@@ -170,10 +171,10 @@ fn refused(excess: Excess) -> ReadError {
 }
 
 fn too_large(detail: String) -> ReadError {
-    malformed(ReadingFault::anywhere("too_large", detail))
+    malformed(Fault::of_whole("too_large", detail))
 }
 
 fn no_workbook(why: &dyn fmt::Display) -> ReadError {
     let detail = format!("this is no Excel workbook that can be read: {why}");
-    malformed(ReadingFault::anywhere("not_a_workbook", detail))
+    malformed(Fault::of_whole("not_a_workbook", detail))
 }

@@ -1,9 +1,10 @@
 //! Single fields of a table: what a title and a cell are by their text, and where they stand.
 
-use super::super::error::{ReadError, ReadingFault, malformed};
+use super::super::error::{ReadError, at_line, malformed};
 use super::super::options::Decimal;
 use super::super::{stamp, units, value};
 use csv::{ByteRecord, Position};
+use greybox_numerics::parsing::Fault;
 
 /// Words that call a column a time.
 const TIMES: [&str; 5] = ["time", "timestamp", "datetime", "zeit", "zeitstempel"];
@@ -56,7 +57,7 @@ pub(super) fn texts(record: &ByteRecord) -> Result<Vec<&str>, ReadError> {
     fields.map_err(|_| malformed(not_utf8(line_of(record))))
 }
 
-pub(super) fn not_utf8(line: u64) -> ReadingFault {
+pub(super) fn not_utf8(line: u64) -> Fault {
     let detail = "the text is not UTF-8; say its encoding, such as encoding=windows-1252";
-    ReadingFault::at_line("not_utf8", line, None, detail)
+    at_line(line, None, "not_utf8", detail)
 }

@@ -1,7 +1,7 @@
 //! The header row: column names, their units, and which column is the time.
 
 use super::super::column::SignalColumn;
-use super::super::error::{ReadingFault, ReadingFaults, invalid};
+use super::super::error::{ReadingFaults, at_line, invalid};
 use super::super::options::Options;
 use super::super::{ReadError, units};
 use super::fields::{is_data, line_of, texts, time_name_and_unit};
@@ -42,29 +42,23 @@ impl Header {
         if titles.len() < 2 {
             let detail = "a time column and at least one signal column are needed, separated by \
                           comma, semicolon or tab";
-            faults.malformed(ReadingFault::at_line("no_signals", line, None, detail));
+            faults.malformed(at_line(line, None, "no_signals", detail));
         } else if titles.len() > MAX_SIGNALS + 1 {
             let detail = format!("{} columns; at most {MAX_SIGNALS} are read", titles.len());
-            faults.invalid(ReadingFault::at_line(
-                "too_many_signals",
-                line,
-                None,
-                detail,
-            ));
+            faults.invalid(at_line(line, None, "too_many_signals", detail));
         } else if let Some(first) = titles.iter().find(|_| titles.iter().all(|t| is_data(t))) {
             let detail = format!(
                 "the first row has `{first}` where a name is expected; put a row of names before it"
             );
-            faults.invalid(ReadingFault::at_line("no_header", line, None, detail));
+            faults.invalid(at_line(line, None, "no_header", detail));
         } else if time.is_none() {
             let wanted = options.time.as_deref().unwrap_or_default();
             let detail = format!("there is no time column `{wanted}`");
-            faults.invalid(ReadingFault::at_line("no_time_column", line, None, detail));
+            faults.invalid(at_line(line, None, "no_time_column", detail));
         }
         let Some(time) = time.filter(|_| faults.is_empty()) else {
             faults.result()?;
-            let fault =
-                ReadingFault::at_line("no_time_column", line, None, "there is no time column");
+            let fault = at_line(line, None, "no_time_column", "there is no time column");
             return Err(invalid(fault));
         };
         let (_, time_unit) = time_name_and_unit(titles[time]);
@@ -109,28 +103,18 @@ fn columns(
         }
         let column = SignalColumn::titled(title, options).unwrap_or_else(|wrong| {
             let (column, detail) = *wrong;
-            faults.invalid(ReadingFault::at_line(
-                "unknown_unit",
-                line,
-                Some(name),
-                detail,
-            ));
+            faults.invalid(at_line(line, Some(name), "unknown_unit", detail));
             column
         });
         if let Some((code, detail)) = name_fault(&column.name) {
             let detail = format!("column {}: {detail}", k + 1);
-            faults.invalid(ReadingFault::at_line(code, line, None, detail));
+            faults.invalid(at_line(line, None, code, detail));
         } else if !seen.insert(column.name.clone()) {
             let detail = format!(
                 "column {} has a name that stands further left already",
                 k + 1
             );
-            faults.invalid(ReadingFault::at_line(
-                "duplicate_name",
-                line,
-                Some(name),
-                detail,
-            ));
+            faults.invalid(at_line(line, Some(name), "duplicate_name", detail));
         }
         columns.push(column);
         names.push(name.to_owned());

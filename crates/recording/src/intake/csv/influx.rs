@@ -3,7 +3,7 @@
 
 use super::super::cell::Cell;
 use super::super::clock::Clock;
-use super::super::error::{ReadError, ReadingFault};
+use super::super::error::{ReadError, at_line};
 use super::super::memory::Memory;
 use super::super::options::Options;
 use super::super::tags::{Quality, RawSample, Tags};
@@ -61,7 +61,7 @@ impl InfluxTable {
                 .position(|column| column == title)
                 .map(field)
         };
-        let place = |code, detail: String| ReadingFault::at_line(code, line, None, detail);
+        let place = |code, detail: String| at_line(line, None, code, detail);
         let Some(time) = of("_time") else {
             let detail = "a row before any header with `_time`".to_owned();
             return tags.faults.invalid(place("columns_missing", detail));

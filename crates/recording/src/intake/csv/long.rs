@@ -3,7 +3,7 @@
 
 use super::super::cell::Cell;
 use super::super::clock::Clock;
-use super::super::error::{ReadError, ReadingFault, invalid};
+use super::super::error::{ReadError, at_line, invalid};
 use super::super::memory::Memory;
 use super::super::options::Options;
 use super::super::tags::{Quality, RawSample, Tags};
@@ -13,6 +13,7 @@ use super::long_columns::LongColumns;
 use super::rows::{TableRows, is_empty, read_row};
 use crate::ReceivedRecording;
 use ::csv::ByteRecord;
+use greybox_numerics::parsing::Fault;
 use std::borrow::Cow;
 use std::io::Read;
 
@@ -29,9 +30,9 @@ pub(super) fn read(
     let columns = columns.ok_or_else(|| {
         let detail = "a row for each sample needs columns for the time, the tag and the value, such as \
                       timestamp,tag,value: say `tag` and `value` where they are called otherwise";
-        invalid(ReadingFault {
-            parameter: Some("tag".to_owned()),
-            ..ReadingFault::at_line("columns_missing", 1, None, detail)
+        invalid(Fault {
+            parameter: Some("tag".into()),
+            ..at_line(1, None, "columns_missing", detail)
         })
     })?;
     let parts = columns
@@ -73,7 +74,7 @@ fn push(tags: &mut Tags<'_>, places: &RowPlaces, record: &ByteRecord) -> Result<
             "" => Cow::Borrowed(field(columns.tag)),
             part => Cow::Owned(format!("{}.{part}", field(columns.tag))),
         };
-        let place = |code, detail: String| ReadingFault::at_line(code, line, Some(&name), detail);
+        let place = |code, detail: String| at_line(line, Some(&name), code, detail);
         let Some(tag) = tags.tag(&name, &place) else {
             continue;
         };

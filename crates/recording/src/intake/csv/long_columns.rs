@@ -1,11 +1,12 @@
 //! What the columns of a table are whose rows name their signals.
 
-use super::super::error::{ReadError, ReadingFault, invalid};
+use super::super::error::{ReadError, invalid};
 use super::super::layout::ColumnRole;
 use super::super::options::Options;
 use super::super::quality::Scheme;
 use super::super::{units, value};
 use super::fields::is_called_time;
+use greybox_numerics::parsing::Fault;
 use greybox_numerics::parsing::reader::did_you_mean;
 use std::collections::HashSet;
 
@@ -177,9 +178,9 @@ impl LongColumns {
             .unwrap_or_else(by_title);
         if time == tag {
             let detail = format!("`{}` cannot be the time too: say `time`", titles[tag]);
-            return Err(invalid(ReadingFault::of_option(
-                "columns_missing",
+            return Err(invalid(Fault::of_parameter(
                 "time",
+                "columns_missing",
                 detail,
             )));
         }
@@ -264,11 +265,11 @@ fn column(titles: &[&str], option: &str, title: &str) -> Result<usize, ReadError
             "there is no column `{title}`{}",
             did_you_mean(title, names())
         );
-        invalid(ReadingFault::of_option("unknown_column", option, detail))
+        invalid(Fault::of_parameter(option, "unknown_column", detail))
     })
 }
 
 fn missing(option: &str, what: &str) -> ReadError {
     let detail = format!("no column {what}: say `{option}`");
-    invalid(ReadingFault::of_option("columns_missing", option, detail))
+    invalid(Fault::of_parameter(option, "columns_missing", detail))
 }

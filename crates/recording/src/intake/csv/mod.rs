@@ -25,13 +25,14 @@ mod split_time;
 mod table;
 mod top_rows;
 
-use super::error::{ReadingFault, invalid};
+use super::error::{at_line, invalid};
 use super::memory::Memory;
 use super::options::{Decimal, Options};
 use super::{Format, ReadError};
 use crate::{NewScratch, ReceivedRecording, Warning};
 use ::csv::ByteRecord;
 pub(super) use fields::time_name_and_unit;
+use greybox_numerics::parsing::Fault;
 use header::Header;
 pub(super) use layout::layout;
 pub(super) use long_columns::LongColumns;
@@ -74,7 +75,7 @@ pub(super) fn receive_as(
             let title = sniff.title(column);
             let detail = "the points may stand before fractions or between thousands, as in `1.052` beside `998`: \
                           say `decimal`, `.` or `,`";
-            let fault = ReadingFault::at_line("decimal_unclear", 1, Some(title), detail);
+            let fault = at_line(1, Some(title), "decimal_unclear", detail);
             return Err(invalid(fault));
         }
     }
@@ -121,9 +122,9 @@ fn wide(
             "rows of one time differ by `{title}`, and several columns have numbers: say `tag`, such as `{title}`, \
              and each of these columns is a signal of what that column names"
         );
-        return Err(invalid(ReadingFault {
-            parameter: Some("tag".to_owned()),
-            ..ReadingFault::at_line("layout_unclear", 1, None, detail)
+        return Err(invalid(Fault {
+            parameter: Some("tag".into()),
+            ..at_line(1, None, "layout_unclear", detail)
         }));
     }
     let mut rows = text.whole;

@@ -3,7 +3,7 @@
 
 use super::super::cell::Cell;
 use super::super::clock::Clock;
-use super::super::error::{ReadError, ReadingFault, invalid};
+use super::super::error::{ReadError, at_line, invalid};
 use super::super::layout::ColumnRole;
 use super::super::memory::Memory;
 use super::super::options::Options;
@@ -136,12 +136,7 @@ pub(super) fn read(
     let Some(PairedColumns(columns)) = columns else {
         let detail = "a time or a quality of its own stands beside each signal, such as `PT Time [s],PT [bar],\
                       TT Time [s],TT [degC]` or `time,PT [bar],PT.Quality`";
-        return Err(invalid(ReadingFault::at_line(
-            "columns_missing",
-            1,
-            None,
-            detail,
-        )));
+        return Err(invalid(at_line(1, None, "columns_missing", detail)));
     };
     let (name, unit) = time_name_and_unit(titles[columns.first().map_or(0, |series| series.time)]);
     let mut tags = Tags::new(Clock::new(name, unit, options), options, None, memory);
@@ -149,7 +144,7 @@ pub(super) fn read(
     for columns in columns {
         let title = titles[columns.value];
         let (name, unit) = units::name_and_unit(title);
-        let place = |code, detail: String| ReadingFault::at_line(code, 1, Some(title), detail);
+        let place = |code, detail: String| at_line(1, Some(title), code, detail);
         if let Some(tag) = tags.tag(name, &place) {
             tags.describe(tag, Some(unit), None, &place);
             series.push((tag, columns));
@@ -175,7 +170,7 @@ pub(super) fn read(
                     None => Quality::Unsaid,
                 },
             };
-            let place = |code, detail: String| ReadingFault::at_line(code, line, None, detail);
+            let place = |code, detail: String| at_line(line, None, code, detail);
             tags.push(&sample, &place);
         }
     }

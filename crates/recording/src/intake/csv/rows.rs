@@ -1,9 +1,10 @@
 //! Rows of CSV and their fields; none is so long that memory would not hold its fields.
 
-use super::super::error::{ReadError, ReadingFault, broken, told};
+use super::super::error::{ReadError, broken, told};
 use super::super::memory::LONGEST_ROW;
 use super::shape::Shape;
 use ::csv::{ByteRecord, Error, ErrorKind, Position, Reader, ReaderBuilder};
+use greybox_numerics::parsing::Fault;
 use std::cell::Cell;
 use std::io::{self, Read};
 use std::rc::Rc;
@@ -44,7 +45,7 @@ impl<R: Read> Read for BoundedRows<R> {
                  row of all that follows",
                 self.row
             );
-            return Err(broken(ReadingFault::anywhere("row_too_long", detail)));
+            return Err(broken(Fault::of_whole("row_too_long", detail)));
         }
         let length = target.len().min(PIECE_BYTES);
         let count = self.text.read(&mut target[..length])?;

@@ -1,7 +1,7 @@
 //! Where the table of a text begins, and what has to be done to its rows: lines above the titles are left out, a row
 //! of units goes into the titles, and a time in several columns becomes one.
 
-use super::super::error::{ReadingFault, excerpt};
+use super::super::error::{at_line, excerpt};
 use super::super::table_options::TableOptions;
 use super::super::{stamp, units, value};
 use super::fields::{is_called_time, line_of};
@@ -9,6 +9,7 @@ use super::split_time::SplitTime;
 use super::top_rows::{NamedRows, TopRows, fields_of, unit_of};
 use crate::Warning;
 use ::csv::ByteRecord;
+use greybox_numerics::parsing::Fault;
 
 /// Titles of columns that number the rows, in small letters.
 const NUMBERING: [&str; 9] = [
@@ -190,19 +191,19 @@ impl Shape {
     }
 
     /// The fault of a text whose titles or units are in doubt.
-    pub(super) fn fault(&self) -> Option<ReadingFault> {
+    pub(super) fn fault(&self) -> Option<Fault> {
         if let Some((option, line)) = self.missing_line {
             let detail = format!("no row begins on line {line} of the first rows of the text");
-            return Some(ReadingFault::of_option("unknown_line", option, detail));
+            return Some(Fault::of_parameter(option, "unknown_line", detail));
         }
         if let [first, second, ..] = self.rivals[..] {
             let detail = format!(
                 "lines {first} and {second} may both be the titles of the columns: say which with `header_row`, and \
                  with `unit_row` which has the units, or `none`"
             );
-            return Some(ReadingFault {
-                parameter: Some("header_row".to_owned()),
-                ..ReadingFault::at_line("titles_unclear", first, None, detail)
+            return Some(Fault {
+                parameter: Some("header_row".into()),
+                ..at_line(first, None, "titles_unclear", detail)
             });
         }
         let titles = fields_of(self.top.get(self.header)?);
@@ -213,7 +214,7 @@ impl Shape {
                 "the title says `{unit}`, and the row of units `{below}`: say `unit_row=none`, or mend the title"
             );
             let line = line_of(&self.top[self.header]);
-            let fault = ReadingFault::at_line("units_differ", line, Some(name), detail);
+            let fault = at_line(line, Some(name), "units_differ", detail);
             (units::parse(unit) != units::parse(below)).then_some(fault)
         };
         titles.iter().enumerate().find_map(differs)

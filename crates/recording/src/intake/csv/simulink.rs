@@ -3,7 +3,7 @@
 
 use super::super::cell::Cell;
 use super::super::clock::Clock;
-use super::super::error::{ReadError, ReadingFault, invalid};
+use super::super::error::{ReadError, at_line, invalid};
 use super::super::memory::Memory;
 use super::super::options::Options;
 use super::super::tags::{Quality, RawSample, Tags};
@@ -51,7 +51,7 @@ pub(super) fn read(
                 value: Cell::Text(field(*value)),
                 quality: Quality::Unsaid,
             };
-            let place = |code, detail: String| ReadingFault::at_line(code, line, None, detail);
+            let place = |code, detail: String| at_line(line, None, code, detail);
             tags.push(&sample, &place);
         }
     }
@@ -66,7 +66,7 @@ fn signals(tags: &mut Tags<'_>, header: &ByteRecord) -> Result<Vec<SimulinkColum
         if title.eq_ignore_ascii_case("time") {
             time = Some(k);
         } else if let Some(time) = time.filter(|_| !title.is_empty()) {
-            let place = |code, detail: String| ReadingFault::at_line(code, line, None, detail);
+            let place = |code, detail: String| at_line(line, None, code, detail);
             let tag = tags.tag(title, &place);
             places.extend(tag.map(|tag| SimulinkColumns {
                 tag,
@@ -77,12 +77,7 @@ fn signals(tags: &mut Tags<'_>, header: &ByteRecord) -> Result<Vec<SimulinkColum
     }
     if places.is_empty() {
         let detail = "a column `time` with signals to the right of it is needed";
-        return Err(invalid(ReadingFault::at_line(
-            "columns_missing",
-            line,
-            None,
-            detail,
-        )));
+        return Err(invalid(at_line(line, None, "columns_missing", detail)));
     }
     Ok(places)
 }
@@ -96,7 +91,7 @@ fn description(field: &str) -> Option<(&str, &str)> {
 
 fn describe(tags: &mut Tags<'_>, places: &[SimulinkColumns], fields: &[&str], line: u64) {
     for SimulinkColumns { tag, value, .. } in places {
-        let place = |code, detail: String| ReadingFault::at_line(code, line, None, detail);
+        let place = |code, detail: String| at_line(line, None, code, detail);
         let described = fields.get(*value).and_then(|field| description(field));
         match described {
             Some(("Unit", unit)) => tags.describe(*tag, Some(unit), None, &place),

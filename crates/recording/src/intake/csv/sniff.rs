@@ -209,7 +209,7 @@ fn shape_of(text: &[u8], options: &TableOptions) -> (u8, Shape) {
     let unlikely = unlikely.filter(|delimiter| *delimiter != likely && text.contains(delimiter));
     let unlikely =
         unlikely.map(|delimiter| (delimiter, Shape::of(&first_rows(text, delimiter), options)));
-    // Of several with as many columns the last is taken.
+    // Among delimiters with as many columns the last is taken.
     let all = unlikely.chain([(likely, Shape::of(&first, options))]);
     let best = all.filter_map(|(delimiter, shape)| Some((delimiter, shape?)));
     best.max_by_key(|(_, shape)| shape.columns())

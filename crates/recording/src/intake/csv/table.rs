@@ -4,7 +4,7 @@
 use super::super::cell::Cell;
 use super::super::clock::Clock;
 use super::super::column::SignalColumn;
-use super::super::error::{ReadError, ReadingFault, ReadingFaults};
+use super::super::error::{ReadError, ReadingFaults, at_line};
 use super::super::options::{Options, ReadingPurpose};
 use super::super::order::{CoarseTimes, MOST_TIMES_USUAL, TimeOrder};
 use super::fields::{line_of, not_utf8};
@@ -13,6 +13,7 @@ use super::rows::is_empty;
 use crate::columns::{SampleColumns, SampleSeries, Since};
 use crate::{NewScratch, ReceivedRecording, Recording, TimeAxis, Warning};
 use ::csv::ByteRecord;
+use greybox_numerics::parsing::Fault;
 use std::io;
 
 /// The values read so far.
@@ -111,7 +112,7 @@ impl<'o> CsvTable<'o> {
         if record.len() < wanted || surplus {
             let detail = format!("{} fields where the header has {wanted}", record.len());
             self.faults
-                .malformed(ReadingFault::at_line("ragged_row", line, None, detail));
+                .malformed(at_line(line, None, "ragged_row", detail));
             return Ok(());
         }
         let Ok(time) = std::str::from_utf8(&record[self.time]) else {
@@ -121,8 +122,7 @@ impl<'o> CsvTable<'o> {
         match self.clock.read(&Cell::Text(time), self.last) {
             Err((code, detail)) => {
                 let column = Some(self.names[self.time].as_str());
-                self.faults
-                    .invalid(ReadingFault::at_line(code, line, column, detail));
+                self.faults.invalid(at_line(line, column, code, detail));
             }
             Ok(instant) if self.is_next(instant, line) => {
                 self.push_last_rows(false)?;
@@ -146,7 +146,7 @@ impl<'o> CsvTable<'o> {
                     coarse.rows
                 );
                 let column = Some(self.names[self.time].as_str());
-                let fault = ReadingFault::at_line("repeated_time", line, column, detail);
+                let fault = at_line(line, column, "repeated_time", detail);
                 return self.faults.invalid(fault);
             }
             self.read_row(record, instant, line);
@@ -171,7 +171,7 @@ impl<'o> CsvTable<'o> {
             let detail = "several rows have each time, and this time comes too soon for those before it; write \
                           times with more digits";
             let column = Some(self.names[self.time].as_str());
-            let fault = ReadingFault::at_line("repeated_time", line, column, detail);
+            let fault = at_line(line, column, "repeated_time", detail);
             self.faults.invalid(fault);
         } else if instant == last {
             self.duplicates += usize::from(self.order.coarse.is_none());
@@ -183,12 +183,8 @@ impl<'o> CsvTable<'o> {
             };
             let detail = format!("time runs {how}: {instant} s after {last} s from the first row");
             let column = Some(self.names[self.time].as_str());
-            self.faults.invalid(ReadingFault::at_line(
-                "time_backwards",
-                line,
-                column,
-                detail,
-            ));
+            self.faults
+                .invalid(at_line(line, column, "time_backwards", detail));
         }
         follows
     }
@@ -206,7 +202,7 @@ impl<'o> CsvTable<'o> {
                 return;
             };
             let name = &self.names[k];
-            let place = |code, detail| ReadingFault::at_line(code, line, Some(name), detail);
+            let place = |code, detail| at_line(line, Some(name), code, detail);
             let value = self.columns[k].take(&Cell::Text(text), self.options, place);
             self.row.push(value);
         }
@@ -324,8 +320,7 @@ impl<'o> CsvTable<'o> {
         }
         if n_signals == 0 && self.faults.is_empty() {
             let detail = "no column but the time has a number in it".to_owned();
-            self.faults
-                .invalid(ReadingFault::anywhere("no_signals", detail));
+            self.faults.invalid(Fault::of_whole("no_signals", detail));
         } else if self.faults.is_empty()
             && self.options.purpose == ReadingPurpose::Recording
             && self.duplicates > samples
@@ -337,11 +332,11 @@ impl<'o> CsvTable<'o> {
                 self.duplicates + samples
             );
             self.faults
-                .invalid(ReadingFault::anywhere("repeated_time", detail));
+                .invalid(Fault::of_whole("repeated_time", detail));
         } else if self.faults.is_empty() && samples < least {
             let detail = format!("{samples} rows with distinct times; at least {least} are needed");
             self.faults
-                .invalid(ReadingFault::at_line("too_few_samples", 1, None, detail));
+                .invalid(at_line(1, None, "too_few_samples", detail));
         }
     }
 }

@@ -16,12 +16,12 @@ fn parse(text: &str) -> Result<Recording, ReadError> {
     read(text.as_bytes(), &Options::default())
 }
 
-fn codes(text: &str) -> Vec<&'static str> {
+fn codes(text: &str) -> Vec<String> {
     parse(text)
         .unwrap_err()
         .faults()
         .iter()
-        .map(|fault| fault.code)
+        .map(|fault| fault.code.to_string())
         .collect()
 }
 
@@ -125,7 +125,7 @@ fn a_fault_names_line_column_and_text() {
         (Some(3), Some("position"))
     );
     assert_eq!(
-        fault.detail,
+        &*fault.detail,
         "line 3, column `position`: `n/a` is not a number"
     );
     assert_eq!(error.faults().len(), 2);
@@ -214,7 +214,7 @@ fn time_that_runs_backwards_is_refused_at_its_first_line() {
     let error = parse("t,a\n0,1\n2,2\n1,3\n0.5,4\n3,5\n").unwrap_err();
     let faults = error.faults();
     assert_eq!(
-        (faults.len(), faults[0].code, faults[0].line),
+        (faults.len(), &*faults[0].code, faults[0].line),
         (1, "time_backwards", Some(4))
     );
 }

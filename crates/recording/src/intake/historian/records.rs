@@ -9,12 +9,13 @@
 //! | OPC UA | `{"Value", "SourceTimestamp", "Status"}`; no status is good | a name around it, or the key |
 //! | Cognite | `{"timestamp", "value", "status"}`; no status is good | `externalId` or `id` around it |
 
+use super::super::Format;
 use super::super::cell::Cell;
 use super::super::quality::Scheme;
 use super::super::tags::{Quality, RawSample, Tags};
-use super::super::{Format, error::ReadingFault};
 use super::walk::{Fields, JsonLeaf, Surroundings, Visit};
 use crate::{Class, Interpolation, Warning};
+use greybox_numerics::parsing::Fault;
 
 /// PI Web API answers so many values when nobody says how many.
 const PI_MOST_VALUES: usize = 1000;
@@ -109,7 +110,7 @@ impl<'o> Records<'o> {
         self.tags.push(&sample, &place);
     }
 
-    fn fault(&mut self, fault: ReadingFault) {
+    fn fault(&mut self, fault: Fault) {
         self.tags.faults.invalid(fault);
     }
 

@@ -30,7 +30,7 @@ fn an_object_on_each_line_is_a_row() {
     assert!(values(&recording, "TT")[2].is_nan());
     let broken = read(&format!("{text}{{\"time\": ")).unwrap_err();
     assert_eq!(
-        (broken.faults()[0].code, broken.faults()[0].line),
+        (&*broken.faults()[0].code, broken.faults()[0].line),
         ("not_json", Some(5))
     );
     let wrong = read(&text.replace("2,", "\"x\",")).unwrap_err();

@@ -1,9 +1,10 @@
 //! One walk through a document of JSON.
 
 use super::super::cell::Cell;
-use super::super::error::{ReadError, ReadingFault, malformed};
+use super::super::error::{ReadError, at_pointer, malformed};
 use super::super::json;
 use super::super::memory::Memory;
+use greybox_numerics::parsing::Fault;
 use serde::de::{self, DeserializeSeed, Deserializer, MapAccess, SeqAccess, Visitor};
 use std::fmt;
 use std::io::Read;
@@ -76,7 +77,7 @@ pub(super) fn walk(
     let walked = through(source, &mut walker);
     memory.release(walker.held);
     match walker.refusal {
-        Some(detail) => Err(malformed(ReadingFault::anywhere("too_much_memory", detail))),
+        Some(detail) => Err(malformed(Fault::of_whole("too_much_memory", detail))),
         None => walked.map_err(json::from_json),
     }
 }
@@ -323,12 +324,12 @@ impl Surroundings<'_> {
     }
 
     /// A fault at this place.
-    pub(super) fn fault(&self, code: &'static str, detail: &str) -> ReadingFault {
+    pub(super) fn fault(&self, code: &'static str, detail: &str) -> Fault {
         let steps = self.path.iter().map(|step| match step {
             PathStep::Key(key) => format!("/{}", key.replace('~', "~0").replace('/', "~1")),
             PathStep::Index(index) => format!("/{index}"),
         });
-        ReadingFault::at_pointer(code, steps.collect(), detail)
+        at_pointer(steps.collect(), code, detail)
     }
 }
 

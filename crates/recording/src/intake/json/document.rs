@@ -1,10 +1,11 @@
 //! What the document said, and whether it makes a recording.
 
-use super::super::error::ReadingFaults;
+use super::super::error::{ReadingFaults, at_pointer};
 use super::super::units::{self, RecordedUnit};
-use super::super::{ReadError, ReadingFault, ReadingPurpose};
+use super::super::{ReadError, ReadingPurpose};
 use super::scalar::JsonScalar;
 use crate::{MAX_NAME_CHARACTERS, MAX_SIGNALS, Recording, Signal, TimeAxis, Warning, name_fault};
+use greybox_numerics::parsing::Fault;
 use jiff::Timestamp;
 use std::collections::HashSet;
 
@@ -36,8 +37,8 @@ const LONGEST_SAMPLE_TIME: f64 = 1e9;
 const FIELDS: [&str; 5] = ["name", "sample_time_s", "start", "time", "signals"];
 
 /// A fault at a pointer.
-pub(super) fn fault(code: &'static str, pointer: String, detail: &str) -> ReadingFault {
-    ReadingFault::at_pointer(code, pointer, detail)
+pub(super) fn fault(code: &'static str, pointer: String, detail: &str) -> Fault {
+    at_pointer(pointer, code, detail)
 }
 
 /// A key as a part of a JSON pointer (RFC 6901), as far as a name may be long.

@@ -14,9 +14,11 @@ mod document;
 mod node;
 mod scalar;
 
-use super::{ReadError, ReadingFault, ReadingPurpose};
+use super::error::malformed;
+use super::{ReadError, ReadingPurpose};
 use crate::Recording;
 use document::Document;
+use greybox_numerics::parsing::json::not_json;
 use node::DocumentTarget;
 use serde::de::DeserializeSeed;
 use serde_json::error::Category;
@@ -41,11 +43,7 @@ pub(super) fn from_json(error: serde_json::Error) -> ReadError {
     if error.classify() == Category::Io {
         return ReadError::Io(error.into());
     }
-    ReadError::Malformed(vec![ReadingFault {
-        line: Some(error.line() as u64),
-        column: Some(error.column().to_string()),
-        ..ReadingFault::anywhere("not_json", format!("not JSON: {error}"))
-    }])
+    malformed(not_json(&error))
 }
 
 #[cfg(test)]

@@ -2,6 +2,7 @@
 
 use super::*;
 use crate::TimeAxis;
+use greybox_numerics::parsing::Fault;
 use proptest::prelude::*;
 
 fn parse(text: &str) -> Result<Recording, ReadError> {
@@ -9,14 +10,18 @@ fn parse(text: &str) -> Result<Recording, ReadError> {
 }
 
 /// Pointer and code of every fault.
-fn faults(text: &str) -> Vec<(String, &'static str)> {
+fn faults(text: &str) -> Vec<(String, String)> {
     let error = parse(text).unwrap_err();
     assert!(matches!(error, ReadError::Invalid(_)), "{error}");
-    let place = |fault: &ReadingFault| (fault.pointer.clone().unwrap_or_default(), fault.code);
+    let place = |fault: &Fault| (fault.pointer().to_owned(), fault.code.to_string());
     error.faults().iter().map(place).collect()
 }
 
-fn one(text: &str) -> (String, &'static str) {
+fn at(pointer: &str, code: &str) -> (String, String) {
+    (pointer.to_owned(), code.to_owned())
+}
+
+fn one(text: &str) -> (String, String) {
     let mut faults = faults(text);
     assert_eq!(faults.len(), 1, "{faults:?}");
     faults.remove(0)
@@ -105,7 +110,7 @@ fn all_faults_are_reported_at_their_pointers() {
     ];
     let expected: Vec<_> = expected
         .into_iter()
-        .map(|(pointer, code)| (pointer.to_owned(), code))
+        .map(|(pointer, code)| at(pointer, code))
         .collect();
     assert_eq!(faults(text), expected);
 }
@@ -113,10 +118,10 @@ fn all_faults_are_reported_at_their_pointers() {
 #[test]
 fn exactly_one_of_sample_time_and_time_is_needed() {
     let neither = r#"{"signals": {"a": {"values": [1, 2]}}}"#;
-    assert_eq!(one(neither), (String::new(), "sample_time_or_time"));
+    assert_eq!(one(neither), at("", "sample_time_or_time"));
     let both = r#"{"sample_time_s": 1, "time": {"values": [0, 1]},
                    "signals": {"a": {"values": [1, 2]}}}"#;
-    assert_eq!(one(both), (String::new(), "sample_time_or_time"));
+    assert_eq!(one(both), at("", "sample_time_or_time"));
 }
 
 #[test]
@@ -127,14 +132,8 @@ fn times_must_be_there_and_run_forwards() {
         );
         one(&text)
     };
-    assert_eq!(
-        with("[0, null, 2]"),
-        ("/time/values/1".to_owned(), "missing_time")
-    );
-    assert_eq!(
-        with("[0, 2, 1]"),
-        ("/time/values/2".to_owned(), "time_backwards")
-    );
+    assert_eq!(with("[0, null, 2]"), at("/time/values/1", "missing_time"));
+    assert_eq!(with("[0, 2, 1]"), at("/time/values/2", "time_backwards"));
 }
 
 #[test]
@@ -160,7 +159,7 @@ fn a_name_that_stands_twice_is_refused() {
     ];
     assert_eq!(
         faults(text),
-        expected.map(|(pointer, code)| (pointer.to_owned(), code))
+        expected.map(|(pointer, code)| at(pointer, code))
     );
 }
 

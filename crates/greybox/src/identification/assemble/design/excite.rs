@@ -45,7 +45,7 @@ pub(super) fn best(
 }
 
 impl ExperimentSearch<'_, '_> {
-    /// What was proposed and the best of each family.
+    /// The ranking of the proposals and of the best of each family.
     fn ranking(&self) -> Ranking {
         let mut ranking = Ranking::default();
         for proposal in &self.plan.proposals {

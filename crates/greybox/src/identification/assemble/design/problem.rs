@@ -134,7 +134,7 @@ impl DesignProblem {
             outputs: outputs(spec, description),
             experiments: Arc::default(),
             loss: Loss::Squared,
-            // Of sensors nothing is assumed: which of them there will be may be the question.
+            // Nothing is assumed of sensors: the question may be which sensors there will be.
             assumptions: Arc::new(assumption::assumptions(&spec.job, description, &[])),
             tolerances: Arc::default(),
             joint_priors: Arc::new(priors::joint(&spec.job, description)),

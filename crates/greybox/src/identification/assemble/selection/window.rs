@@ -53,7 +53,7 @@ pub enum HistoryWindow {
     LeftOut(LeftOut),
 }
 
-/// What was seen of a window.
+/// A window that was looked at: what it holds, or why it was left out.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum LookedWindow {

@@ -4,18 +4,19 @@ mod decoded;
 mod headers;
 mod meaning;
 
-use super::super::error::{broken, malformed};
+use super::super::error::{at_line, broken, malformed};
 use super::super::memory::Memory;
 use super::converted::{
     ConvertedRows, RowText, TEXT_AT_ONCE, WriteRows, damaged, push_field, receive_rows,
 };
 use crate::intake::options::Options;
-use crate::intake::{Format, ReadError, ReadingFault};
+use crate::intake::{Format, ReadError};
 use crate::{MAX_SIGNALS, NewScratch, ReceivedRecording, Warning};
 use ::parquet::errors::ParquetError;
 use ::parquet::file::reader::{FileReader, SerializedFileReader};
 use bytes::Bytes;
 use decoded::Decoded;
+use greybox_numerics::parsing::Fault;
 use meaning::ColumnMeaning;
 use std::{fmt, io};
 
@@ -33,7 +34,7 @@ pub(super) fn receive(
 ) -> Result<ReceivedRecording, ReadError> {
     let not_read = |why: &dyn fmt::Display| {
         let detail = format!("this is no Parquet file that can be read: {why}");
-        malformed(ReadingFault::anywhere("not_parquet", detail))
+        malformed(Fault::of_whole("not_parquet", detail))
     };
     if !headers::footer_is_sound(&bytes) {
         return Err(not_read(&"its footer does not read"));
@@ -46,10 +47,7 @@ pub(super) fn receive(
     let (columns, left_out) = columns(&file, options);
     if columns.len() > MAX_SIGNALS + 1 {
         let detail = format!("more than {MAX_SIGNALS} signals");
-        return Err(malformed(ReadingFault::anywhere(
-            "too_many_signals",
-            detail,
-        )));
+        return Err(malformed(Fault::of_whole("too_many_signals", detail)));
     }
     let note = (!left_out.is_empty()).then(|| {
         let detail = format!(
@@ -139,7 +137,7 @@ impl ParquetTable {
     fn fault(&self, error: &ParquetError) -> io::Error {
         let line = self.row.unwrap_or_default() + 2;
         let detail = format!("the file is broken after row {}: {error}", line - 1);
-        broken(ReadingFault::at_line("not_parquet", line, None, detail))
+        broken(at_line(line, None, "not_parquet", detail))
     }
 
     fn begin_group(&mut self) -> Result<(), ParquetError> {

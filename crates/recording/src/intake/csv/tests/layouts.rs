@@ -17,9 +17,13 @@ fn parse(text: &str) -> Recording {
     read(text, &[("tz", "UTC")]).unwrap_or_else(|error| panic!("{text}\n{error}"))
 }
 
-fn codes(text: &str) -> Vec<&'static str> {
+fn codes(text: &str) -> Vec<String> {
     let error = read(text, &[]).expect_err(text);
-    error.faults().iter().map(|fault| fault.code).collect()
+    error
+        .faults()
+        .iter()
+        .map(|fault| fault.code.to_string())
+        .collect()
 }
 
 /// Whether a warning of that code is told.
@@ -181,7 +185,7 @@ fn letters_and_offsets_behind_a_time_are_its_zone() {
     }
     let text = "t,a\n2026-07-02 08:15:00 BST,1\n2026-07-02 08:15:01 BST,2\n";
     let error = read(text, &[]).unwrap_err();
-    assert_eq!(error.faults()[0].code, "ambiguous_zone");
+    assert_eq!(&*error.faults()[0].code, "ambiguous_zone");
     assert!(error.faults()[0].detail.contains("`tz`"), "{error}");
     let london = read(text, &[("tz", "Europe/London")]).unwrap();
     assert_eq!(london.start.unwrap().to_string(), "2026-07-02T07:15:00Z");
@@ -274,7 +278,7 @@ fn rows_that_share_a_second_are_spread_over_it_and_it_is_told() {
     );
     let stuck = read(&text(&[10, 10, 10, 25, 10, 10, 10]), &[("tz", "UTC")]).unwrap_err();
     assert_eq!(
-        (stuck.faults()[0].code, stuck.faults()[0].line),
+        (&*stuck.faults()[0].code, stuck.faults()[0].line),
         ("repeated_time", Some(52))
     );
     let uneven = read(&text(&[10, 3, 7, 1, 30, 2, 5]), &[("tz", "UTC")]).unwrap_err();
@@ -300,7 +304,7 @@ fn the_newest_row_may_come_first() {
     assert_eq!(stamped.start.unwrap().to_string(), "2026-03-02T08:15:00Z");
     let error = read(&format!("{TITLES}\n{rows}0.3,1,2\n"), &[]).unwrap_err();
     assert_eq!(
-        (error.faults()[0].code, error.faults()[0].line),
+        (&*error.faults()[0].code, error.faults()[0].line),
         ("time_backwards", Some(3))
     );
 }
@@ -346,7 +350,7 @@ fn units_may_stand_in_the_cells() {
         let error = read(&text.replace("1.1 bar", wrong), &[]).unwrap_err();
         let fault = &error.faults()[0];
         assert_eq!(
-            (fault.code, fault.line),
+            (&*fault.code, fault.line),
             ("units_differ", Some(3)),
             "{wrong}"
         );

@@ -12,18 +12,23 @@ fn with(pairs: &[(&str, &str)]) -> Options {
     options
 }
 
-fn faults(text: &str, options: &[(&str, &str)]) -> Vec<(&'static str, Option<String>)> {
+fn faults(text: &str, options: &[(&str, &str)]) -> Vec<(String, Option<String>)> {
     let error = read(text.as_bytes(), &with(options)).unwrap_err();
     let faults = error.faults().iter();
     faults
-        .map(|fault| (fault.code, fault.parameter.clone()))
+        .map(|fault| {
+            (
+                fault.code.to_string(),
+                fault.parameter.clone().map(String::from),
+            )
+        })
         .collect()
 }
 
 #[test]
 fn titles_that_are_in_doubt_are_asked_for_and_said_by_their_line() {
     let text = "Tag 1;Tag 2;Tag 3\nZeit;Druck;Ventil\n0;1;2\n1;1.5;3\n2;2.5;4\n";
-    let asked = ("titles_unclear", Some("header_row".to_owned()));
+    let asked = ("titles_unclear".to_owned(), Some("header_row".to_owned()));
     assert_eq!(faults(text, &[]), [asked]);
     let recording = read(text.as_bytes(), &with(&[("header_row", "2")])).unwrap();
     assert_eq!(values(&recording, "Druck"), [1.0, 1.5, 2.5]);
@@ -31,7 +36,7 @@ fn titles_that_are_in_doubt_are_asked_for_and_said_by_their_line() {
     let recording = read(text.as_bytes(), &with(&[("header_row", "1")]));
     // What stands below the titles is then a row of the table, and no data.
     assert!(recording.is_err());
-    let beyond = ("unknown_line", Some("header_row".to_owned()));
+    let beyond = ("unknown_line".to_owned(), Some("header_row".to_owned()));
     assert_eq!(faults(text, &[("header_row", "99")]), [beyond]);
 }
 
@@ -61,7 +66,7 @@ fn rows_of_one_time_that_differ_by_a_word_are_signals_of_what_the_word_names() {
     }
     assert_eq!(
         faults(&text, &[]),
-        [("layout_unclear", Some("tag".to_owned()))]
+        [("layout_unclear".to_owned(), Some("tag".to_owned()))]
     );
     let recording = read(text.as_bytes(), &with(&[("tag", "machine")])).unwrap();
     let names: Vec<&str> = recording.signals.iter().map(|s| s.name.as_str()).collect();
@@ -101,18 +106,18 @@ fn columns_of_a_list_of_samples_are_called_what_options_say() {
         let columns = [("tag", "Ort"), ("value", "Wert 1"), ("quality", "Gte")];
         let columns =
             columns.map(|(name, column)| (name, if name == option { title } else { column }));
-        let unknown = ("unknown_column", Some(option.to_owned()));
+        let unknown = ("unknown_column".to_owned(), Some(option.to_owned()));
         assert_eq!(faults(&text, &columns), [unknown]);
     }
     let columns = [("tag", "geschrieben"), ("value", "Wert 1")];
-    let both = ("columns_missing", Some("time".to_owned()));
+    let both = ("columns_missing".to_owned(), Some("time".to_owned()));
     assert_eq!(faults(&text, &columns), [both]);
 }
 
 #[test]
 fn options_about_a_table_are_refused_where_there_is_none() {
     let text = "time [s],p\n0,1\n1,2\n2,3\n";
-    let useless = ("invalid_parameter", Some("quality".to_owned()));
+    let useless = ("invalid_parameter".to_owned(), Some("quality".to_owned()));
     assert_eq!(faults(text, &[("quality", "p")]), [useless]);
     for (option, text) in [
         ("header_row", "0"),
@@ -173,7 +178,7 @@ fn a_layout_that_is_asked_for_is_shown_as_options_say() {
     let text = format!("time [s],machine,p,T\n{}", rows.collect::<String>());
     let unclear = shown(&text, &[]);
     assert_eq!(
-        (unclear.format, unclear.faults[0].code),
+        (unclear.format, &*unclear.faults[0].code),
         ("wide_csv", "layout_unclear")
     );
     assert_eq!(unclear.faults[0].parameter.as_deref(), Some("tag"));
