@@ -136,18 +136,19 @@ fn name_of(method: MethodName) -> String {
 }
 
 fn read_methods(field: &Field<'_>) -> Option<Vec<String>> {
-    let known = all_methods();
+    let possible = all_methods();
     let mut methods: Vec<String> = Vec::new();
     let entries = field.array()?;
-    if entries.len() == 0 || entries.len() > known.len() {
-        let detail = format!("{} methods: there are 1 to {}", entries.len(), known.len());
+    if entries.len() == 0 || entries.len() > possible.len() {
+        let most = possible.len();
+        let detail = format!("{} methods: there are 1 to {most}", entries.len());
         field.fault("out_of_range", detail);
         return None;
     }
     for entry in entries {
         let name = entry.text()?;
-        if !known.iter().any(|known| known == name) {
-            let detail = format!("the methods are {}", known.join(", "));
+        if !possible.iter().any(|method| method == name) {
+            let detail = format!("the methods are {}", possible.join(", "));
             entry.fault("unknown_method", detail);
         } else if methods.iter().any(|before| before == name) {
             entry.fault("duplicate", format!("`{name}` is named twice"));
@@ -373,7 +374,7 @@ fn seed_of(row: &JobRow) -> u64 {
 fn trial(row: &JobRow, result: &StoredResult) -> Option<Trial> {
     let outcome = result.outcome().ok()?;
     let estimates = outcome.parameters.iter();
-    let estimates = estimates.map(|known| (known.key(), known.estimate.estimate));
+    let estimates = estimates.map(|parameter| (parameter.key(), parameter.estimate.estimate));
     let (started, finished) = (row.started_at?, row.finished_at?);
     Some(Trial {
         method: method_of(row),

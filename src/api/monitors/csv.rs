@@ -32,12 +32,15 @@ pub(super) fn table(windows: &[ShownWindow]) -> String {
         write!(text, "{},{from},{to},{status},{trust}", window.number)
             .expect("writing to a string does not fail");
         for column in parameters {
-            let own = window.parameters.iter().find(|own| own.name == column.name);
-            let interval = own.and_then(|own| own.confidence_interval.as_ref());
-            let total = own.and_then(|own| own.total_interval);
+            let estimate = window
+                .parameters
+                .iter()
+                .find(|estimate| estimate.name == column.name);
+            let interval = estimate.and_then(|estimate| estimate.confidence_interval.as_ref());
+            let total = estimate.and_then(|estimate| estimate.total_interval);
             let fields = [
-                own.map(|own| own.estimate),
-                own.and_then(|own| own.standard_error),
+                estimate.map(|estimate| estimate.estimate),
+                estimate.and_then(|estimate| estimate.standard_error),
                 interval.and_then(|interval| interval.lower),
                 interval.and_then(|interval| interval.upper),
                 total.and_then(|total| total.lower),

@@ -7,11 +7,11 @@ use greybox::recording::{MAX_SIGNALS, RowSignal};
 
 /// The signals of a stream with those of a batch, and the place of each of the batch's among them.
 pub(super) fn places(
-    known: &[RowSignal],
+    stored: &[RowSignal],
     new: &[RowSignal],
 ) -> Result<(Vec<RowSignal>, Vec<usize>), BatchOutcome> {
-    let mut signals = known.to_vec();
-    let names = known.iter().enumerate();
+    let mut signals = stored.to_vec();
+    let names = stored.iter().enumerate();
     let mut by_name: HashMap<String, usize> = names
         .map(|(place, signal)| (signal.name.clone(), place))
         .collect();
@@ -20,15 +20,15 @@ pub(super) fn places(
         let place = *by_name.entry(signal.name.clone()).or_insert(signals.len());
         match signals.get_mut(place) {
             None => signals.push(signal.clone()),
-            Some(known) if known.unit != signal.unit => {
-                let units = (known.unit.clone(), signal.unit.clone());
+            Some(stored) if stored.unit != signal.unit => {
+                let units = (stored.unit.clone(), signal.unit.clone());
                 return Err(BatchOutcome::UnitsDiffer(
                     signal.name.clone(),
                     units.0,
                     units.1,
                 ));
             }
-            Some(known) => known.interpolation = known.interpolation.or(signal.interpolation),
+            Some(stored) => stored.interpolation = stored.interpolation.or(signal.interpolation),
         }
         places.push(place);
     }

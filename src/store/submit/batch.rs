@@ -34,13 +34,13 @@ struct Fresh {
 
 /// Writes all that can be written and says, in order, what became of each.
 pub(super) async fn write(tx: &mut Tx, jobs: Vec<NewJob>) -> Result<Vec<Submitted>, StoreError> {
-    let known = Known::look_up(tx, &jobs).await?;
+    let stored = Known::look_up(tx, &jobs).await?;
     let mut verdicts = Vec::with_capacity(jobs.len());
     let mut accepted = Vec::with_capacity(jobs.len());
     let mut keys = HashMap::new();
     let mut room = JobRoom::default();
     for job in jobs {
-        let verdict = known.refusal(tx, &job).await?;
+        let verdict = stored.refusal(tx, &job).await?;
         let verdict = verdict.map_or_else(
             || same_key(&mut keys, &accepted, &job),
             |refusal| Verdict::Final(Box::new(refusal)),
@@ -58,7 +58,7 @@ pub(super) async fn write(tx: &mut Tx, jobs: Vec<NewJob>) -> Result<Vec<Submitte
                     Verdict::Final(Box::new(Submitted::Refused(exceeded)))
                 }
             },
-            known => known,
+            verdict => verdict,
         };
         verdicts.push(verdict);
     }
@@ -139,33 +139,32 @@ impl Known {
         // Models of the catalogue, whose names have no digest, are always there.
         let models = jobs.iter().filter(|job| job.model.contains('@'));
         let models = distinct(models.map(|job| (job.project.to_string(), job.model.clone())));
-        let mut known = Self {
+        let mut stored = Self {
             keys: HashMap::new(),
             datasets: HashSet::new(),
             models: HashSet::new(),
         };
         if let Some(keys) = keys {
-            let found: Vec<(String, String, String, String)> =
-                database::query_as(tx.kind().either(
-                    "select idempotency.project, idempotency.key, body_digest, made \
+            let rows: Vec<(String, String, String, String)> = database::query_as(tx.kind().either(
+                "select idempotency.project, idempotency.key, body_digest, made \
                      from json_each($1) as asked join idempotency \
                      on idempotency.project = asked.value ->> 0 \
                      and idempotency.key = asked.value ->> 1",
-                    "select idempotency.project, idempotency.key, body_digest, made \
+                "select idempotency.project, idempotency.key, body_digest, made \
                      from json_array_elements($1::json) as asked (value) join idempotency \
                      on idempotency.project = asked.value ->> 0 \
                      and idempotency.key = asked.value ->> 1",
-                ))
-                .bind(keys)
-                .fetch_all(&mut **tx)
-                .await?;
-            let found = found
+            ))
+            .bind(keys)
+            .fetch_all(&mut **tx)
+            .await?;
+            let rows = rows
                 .into_iter()
                 .map(|(project, key, digest, job)| ((project, key), (digest, job)));
-            known.keys.extend(found);
+            stored.keys.extend(rows);
         }
         if let Some(datasets) = datasets {
-            let found: Vec<String> = database::query_scalar(tx.kind().either(
+            let rows: Vec<String> = database::query_scalar(tx.kind().either(
                 "select id from datasets where id in (select value from json_each($1))",
                 "select id from datasets where id in \
                      (select value from json_array_elements_text($1::json) as asked (value))",
@@ -173,10 +172,10 @@ impl Known {
             .bind(datasets)
             .fetch_all(&mut **tx)
             .await?;
-            known.datasets.extend(found);
+            stored.datasets.extend(rows);
         }
         if let Some(models) = models {
-            let found: Vec<(String, String)> = database::query_as(tx.kind().either(
+            let rows: Vec<(String, String)> = database::query_as(tx.kind().either(
                 "select models.project, models.reference \
                      from json_each($1) as asked join models \
                      on models.project = asked.value ->> 0 \
@@ -189,9 +188,9 @@ impl Known {
             .bind(models)
             .fetch_all(&mut **tx)
             .await?;
-            known.models.extend(found);
+            stored.models.extend(rows);
         }
-        Ok(known)
+        Ok(stored)
     }
 
     /// The answer to a submission that makes no new job, as far as the database says.
@@ -350,7 +349,7 @@ fn rows<T: Copy>(
     let rows: Vec<T> = rows.collect();
     let statements = rows.chunks(ROWS_PER_STATEMENT).map(|rows| {
         let mut query = QueryBuilder::new(into);
-        query.push_values(rows, |mut row, one| push(&mut row, *one));
+        query.push_values(rows, |mut row, value| push(&mut row, *value));
         query.push(after);
         query
     });

@@ -16,32 +16,34 @@ pub(super) fn assumptions(
     description: &ModelDescription,
     outputs: &[MeasuredOutput],
 ) -> Vec<Assumption> {
-    let mut found = Vec::new();
+    let mut assumptions = Vec::new();
     let described = || description.parameters.iter().enumerate();
     for (index, parameter) in described() {
-        let said = spec.parameters.get(&*parameter.name);
-        if let Some(ParameterSpec::Fixed(fixed)) = said
+        let parameter_spec = spec.parameters.get(&*parameter.name);
+        if let Some(ParameterSpec::Fixed(fixed)) = parameter_spec
             && spec.shares(&parameter.name)
         {
-            found.extend(of_parameter(parameter, *fixed, Target::Parameter(index)));
+            assumptions.extend(of_parameter(parameter, *fixed, Target::Parameter(index)));
         }
     }
-    for (experiment, own) in spec.experiments.iter().enumerate() {
+    for (experiment, experiment_spec) in spec.experiments.iter().enumerate() {
         for (index, parameter) in described() {
-            if let Some(ParameterSpec::Fixed(fixed)) = own.parameters.get(&*parameter.name) {
+            if let Some(ParameterSpec::Fixed(fixed)) =
+                experiment_spec.parameters.get(&*parameter.name)
+            {
                 let target = Target::ExperimentParameter {
                     experiment,
                     parameter: index,
                 };
-                found.extend(of_parameter(parameter, *fixed, target));
+                assumptions.extend(of_parameter(parameter, *fixed, target));
             }
         }
         for (state, description) in description.states.iter().enumerate() {
-            let said = own.initial_state.get(&*description.name);
-            if let Some(InitialStateSpec::Fixed(fixed)) = said
+            let state_spec = experiment_spec.initial_state.get(&*description.name);
+            if let Some(InitialStateSpec::Fixed(fixed)) = state_spec
                 && let Some(tolerance) = size(*fixed)
             {
-                found.push(Assumption {
+                assumptions.push(Assumption {
                     name: experiment::name_of_start(&description.name, experiment),
                     unit: description.unit.to_string(),
                     target: Assumed::Model(Target::InitialState { experiment, state }),
@@ -55,13 +57,14 @@ pub(super) fn assumptions(
             }
         }
     }
-    found.extend(outputs.iter().enumerate().flat_map(|(place, output)| {
-        let said = spec.outputs.get(&output.name);
-        said.into_iter()
-            .flat_map(move |said| of_sensor(said, place, output))
+    assumptions.extend(outputs.iter().enumerate().flat_map(|(place, output)| {
+        let sensor = spec.outputs.get(&output.name);
+        sensor
+            .into_iter()
+            .flat_map(move |sensor| of_sensor(sensor, place, output))
     }));
     let clock = spec.clock_tolerance.map(|tolerance| tolerance.of(1.0));
-    found.extend(
+    assumptions.extend(
         clock
             .filter(|tolerance| *tolerance > 0.0)
             .map(|tolerance| Assumption {
@@ -76,22 +79,22 @@ pub(super) fn assumptions(
                 limits: [Some(0.0), None],
             }),
     );
-    found
+    assumptions
 }
 
 /// What is known of an output's sensor.
 fn of_sensor<'a>(
-    said: &OutputSpec,
+    sensor: &OutputSpec,
     place: usize,
     output: &'a MeasuredOutput,
 ) -> impl Iterator<Item = Assumption> + use<'a> {
     let numbers = [
         (
             SensorNumber::Gain,
-            said.gain_tolerance.map(|tolerance| tolerance.of(1.0)),
+            sensor.gain_tolerance.map(|tolerance| tolerance.of(1.0)),
         ),
-        (SensorNumber::Offset, said.offset_tolerance),
-        (SensorNumber::Lag, said.lag_tolerance_s),
+        (SensorNumber::Offset, sensor.offset_tolerance),
+        (SensorNumber::Lag, sensor.lag_tolerance_s),
     ];
     numbers.into_iter().filter_map(move |(number, tolerance)| {
         let tolerance = tolerance.filter(|tolerance| *tolerance > 0.0)?;

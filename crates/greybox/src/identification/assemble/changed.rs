@@ -31,8 +31,8 @@ pub fn changed(problem: &Problem, before: &JobSpec, spec: &JobSpec) -> Option<Pr
     }
     let outputs = problem.outputs.iter();
     let outputs = outputs.map(|output| {
-        let [said, said_before] = [spec, before].map(|spec| spec.outputs.get(&output.name));
-        with_noise(output, said, said_before)
+        let [output_spec, said_before] = [spec, before].map(|spec| spec.outputs.get(&output.name));
+        with_noise(output, output_spec, said_before)
     });
     let outputs = outputs.collect::<Option<Vec<MeasuredOutput>>>()?;
     let assumptions = assumption::assumptions(spec, description, &outputs);
@@ -54,10 +54,10 @@ pub fn changed(problem: &Problem, before: &JobSpec, spec: &JobSpec) -> Option<Pr
 /// Whether two experiments take the same samples, starts and known parameters of their own.
 fn is_cut_alike((experiment, before): (&ExperimentSpec, &ExperimentSpec)) -> bool {
     let [experiment, before] = [experiment, before].map(|experiment| {
-        let mut known = experiment.clone();
-        let parameters = &mut known.parameters;
+        let mut cut = experiment.clone();
+        let parameters = &mut cut.parameters;
         parameters.retain(|_, parameter| matches!(parameter, ParameterSpec::Fixed(_)));
-        known
+        cut
     });
     experiment == before
 }
@@ -66,26 +66,27 @@ fn is_cut_alike((experiment, before): (&ExperimentSpec, &ExperimentSpec)) -> boo
 /// otherwise.
 fn with_noise(
     output: &MeasuredOutput,
-    said: Option<&OutputSpec>,
+    output_spec: Option<&OutputSpec>,
     before: Option<&OutputSpec>,
 ) -> Option<MeasuredOutput> {
-    let [said, before] = [said, before].map(|said| {
-        let said = said.cloned().unwrap_or_default();
+    let [output_spec, before] = [output_spec, before].map(|output_spec| {
+        let output_spec = output_spec.cloned().unwrap_or_default();
         OutputSpec {
-            noise_std: said.noise_std,
-            noise_share: said.noise_share,
-            noise_signal: said.noise_signal,
+            noise_std: output_spec.noise_std,
+            noise_share: output_spec.noise_share,
+            noise_signal: output_spec.noise_signal,
             ..OutputSpec::default()
         }
     });
-    if said == before {
+    if output_spec == before {
         return Some(output.clone());
     }
-    let is_one_number =
-        |said: &OutputSpec| said.noise_share.is_none() && said.noise_signal.is_none();
-    let noise = said
+    let is_one_number = |output_spec: &OutputSpec| {
+        output_spec.noise_share.is_none() && output_spec.noise_signal.is_none()
+    };
+    let noise = output_spec
         .noise_std
-        .filter(|_| is_one_number(&said) && is_one_number(&before))?;
+        .filter(|_| is_one_number(&output_spec) && is_one_number(&before))?;
     Some(MeasuredOutput {
         noise_std: Some(noise),
         residual_scale: noise,

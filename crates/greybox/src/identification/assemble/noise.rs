@@ -19,9 +19,9 @@ pub(super) fn settle(
 ) -> Result<(), Vec<Fault>> {
     let mut faults = Vec::new();
     for (place, output) in outputs.iter_mut().enumerate() {
-        let said = spec.outputs.get(&output.name);
-        let said = said.filter(|said| said.declares_noise());
-        output.noise_std = match said {
+        let output_spec = spec.outputs.get(&output.name);
+        let output_spec = output_spec.filter(|output_spec| output_spec.declares_noise());
+        output.noise_std = match output_spec {
             None => None,
             Some(OutputSpec {
                 noise_std,
@@ -29,7 +29,7 @@ pub(super) fn settle(
                 noise_signal: None,
                 ..
             }) => *noise_std,
-            Some(said) => match of_each_sample(said, (place, &output.name), cuts) {
+            Some(output_spec) => match of_each_sample(output_spec, (place, &output.name), cuts) {
                 Ok(noise) => Some(noise),
                 Err(fault) => {
                     faults.push(fault);
@@ -40,8 +40,8 @@ pub(super) fn settle(
         let measured = cuts.iter().map(|cut| &cut.experiment.measured[place]);
         let spreads = measured.filter_map(|values| statistics::standard_deviation(values));
         let spread = spreads.fold(0.0, f64::max);
-        let own = if spread > 0.0 { spread } else { 1.0 };
-        output.residual_scale = output.noise_std.unwrap_or(own);
+        let scale = if spread > 0.0 { spread } else { 1.0 };
+        output.residual_scale = output.noise_std.unwrap_or(scale);
     }
     if faults.is_empty() {
         Ok(())
@@ -53,7 +53,7 @@ pub(super) fn settle(
 /// Weighs the samples of an output by their noise, and answers its root mean square. Samples
 /// whose noise is not known are left out.
 fn of_each_sample(
-    said: &OutputSpec,
+    spec: &OutputSpec,
     (place, name): (usize, &str),
     cuts: &mut [Cut],
 ) -> Result<f64, Fault> {
@@ -71,8 +71,8 @@ fn of_each_sample(
                 }
                 _ => 0.0,
             };
-            let everywhere = said.noise_std.unwrap_or(0.0);
-            let share = said.noise_share.unwrap_or(0.0) * *value;
+            let everywhere = spec.noise_std.unwrap_or(0.0);
+            let share = spec.noise_share.unwrap_or(0.0) * *value;
             (everywhere * everywhere + share * share + recorded * recorded).sqrt()
         };
         let samples = measured.iter_mut().enumerate();
@@ -100,8 +100,8 @@ fn of_each_sample(
     let present = noises.iter().flatten().filter(|noise| !noise.is_nan());
     let squares = present.map(|noise| noise * noise);
     let noise = statistics::mean(squares).map_or(1.0, f64::sqrt);
-    for (cut, own) in cuts.iter_mut().zip(noises) {
-        let weights = own.into_iter().map(|own| noise / own);
+    for (cut, stds) in cuts.iter_mut().zip(noises) {
+        let weights = stds.into_iter().map(|std| noise / std);
         cut.experiment.weights[place] = Some(weights.collect());
     }
     Ok(noise)

@@ -43,16 +43,18 @@ pub(super) fn report(
         })
         .collect();
     let sensors: Vec<NoiseNumberReport> = noise.sensors.iter().map(number).collect();
-    let spreads = analysis.windows.iter().flat_map(|own| &own.spreads);
+    let spreads = analysis.windows.iter().flat_map(|window| &window.spreads);
     let window_spread = problem.coordinates.iter().zip(spreads);
     ProcessNoiseReport {
         filter: "ekf".to_owned(),
         chosen: name(model, &noise.compared[noise.chosen].disturbances),
-        compared: compared.map(|own| compared_report(problem, own)).collect(),
+        compared: compared
+            .map(|weighed| compared_report(problem, weighed))
+            .collect(),
         disturbances: noise
             .disturbances
             .iter()
-            .map(|own| disturbance(problem, own))
+            .map(|estimate| disturbance(problem, estimate))
             .collect(),
         sensors: problem.by_output(&sensors),
         innovations: problem.by_output(&innovations),
@@ -82,7 +84,10 @@ pub(super) fn output_error(
 
 /// The name of a noise model.
 fn name(model: &ModelDescription, disturbances: &[ProcessNoise]) -> String {
-    let names: Vec<String> = disturbances.iter().map(|own| own.in_words(model)).collect();
+    let names: Vec<String> = disturbances
+        .iter()
+        .map(|disturbance| disturbance.in_words(model))
+        .collect();
     match names[..] {
         [] => "none".to_owned(),
         _ => names.join(" and "),
@@ -101,33 +106,35 @@ fn compared_report(problem: &Problem, compared: &ComparedNoise) -> ComparedNoise
     }
 }
 
-fn disturbance(problem: &Problem, found: &DisturbanceEstimate) -> DisturbanceReport {
+fn disturbance(problem: &Problem, estimate: &DisturbanceEstimate) -> DisturbanceReport {
     let model = problem.model.description();
-    let acts_on = found.sought.disturbance.acts_on;
-    let shares = problem.outputs.iter().zip(&found.shares);
+    let acts_on = estimate.sought.disturbance.acts_on;
+    let shares = problem.outputs.iter().zip(&estimate.shares);
     DisturbanceReport {
         acts_on: ActsOnSpec::of(acts_on, model),
-        kind: NoiseKind::from(found.sought.disturbance.kind),
-        unit: found.sought.unit(model),
-        std: found.std.as_ref().map(number),
-        strength: number(&found.strength),
-        time_constant_s: found.time_constant.as_ref().map(number),
+        kind: NoiseKind::from(estimate.sought.disturbance.kind),
+        unit: estimate.sought.unit(model),
+        std: estimate.std.as_ref().map(number),
+        strength: number(&estimate.strength),
+        time_constant_s: estimate.time_constant.as_ref().map(number),
         share_of_output: shares
             .filter_map(|(output, share)| Some((output.name.clone(), (*share)?)))
             .collect(),
     }
 }
 
-fn number(found: &NoiseEstimate) -> NoiseNumberReport {
-    let interval = found.interval().map(|[lower, upper]| ConfidenceInterval {
-        level: 0.95,
-        lower: finite(lower),
-        upper: finite(upper),
-        method: "fisher".to_owned(),
-    });
+fn number(estimate: &NoiseEstimate) -> NoiseNumberReport {
+    let interval = estimate
+        .interval()
+        .map(|[lower, upper]| ConfidenceInterval {
+            level: 0.95,
+            lower: finite(lower),
+            upper: finite(upper),
+            method: "fisher".to_owned(),
+        });
     NoiseNumberReport {
-        estimate: found.value,
-        standard_error: found.standard_error().and_then(finite),
+        estimate: estimate.value,
+        standard_error: estimate.standard_error().and_then(finite),
         confidence_interval: interval,
     }
 }

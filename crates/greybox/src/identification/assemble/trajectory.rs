@@ -127,8 +127,8 @@ pub(super) fn at_estimate(
     for start in &outcome.validation_starts {
         let state = model.description().state_index(&start.state);
         let experiments = Arc::make_mut(&mut problem.experiments);
-        if let (Some(state), Some(own)) = (state, experiments.get_mut(start.experiment)) {
-            own.initial_state[state] = Some(start.value);
+        if let (Some(state), Some(experiment)) = (state, experiments.get_mut(start.experiment)) {
+            experiment.initial_state[state] = Some(start.value);
         }
     }
     problem
@@ -150,8 +150,9 @@ pub(super) fn is_estimated(coordinate: &Coordinate, outcome: &Outcome) -> bool {
     let is_state = matches!(coordinate.target, Target::InitialState { .. });
     let mut estimated = outcome.parameters.iter();
     is_state
-        || estimated.any(|known| {
-            known.experiment == coordinate.target.experiment() && known.name == coordinate.quantity
+        || estimated.any(|estimate| {
+            estimate.experiment == coordinate.target.experiment()
+                && estimate.name == coordinate.quantity
         })
 }
 
@@ -165,10 +166,10 @@ fn estimates(outcome: &Outcome) -> impl Iterator<Item = &Estimate> {
 }
 
 fn positions(problem: &Problem, outcome: &Outcome) -> Vec<f64> {
-    let position = |(coordinate, known): (&Coordinate, &Estimate)| {
+    let position = |(coordinate, estimate): (&Coordinate, &Estimate)| {
         coordinate
             .scale
-            .position(known.estimate, coordinate.lower, coordinate.upper)
+            .position(estimate.estimate, coordinate.lower, coordinate.upper)
     };
     problem
         .coordinates
@@ -181,21 +182,25 @@ fn positions(problem: &Problem, outcome: &Outcome) -> Vec<f64> {
 /// The errors of the estimates as positions; none where one of them or a correlation is not known.
 fn errors(problem: &Problem, positions: &[f64], outcome: &Outcome) -> Option<Errors> {
     let coordinates = problem.coordinates.iter().zip(positions);
-    let deviation = |((coordinate, position), known): ((&Coordinate, &f64), &Estimate)| {
+    let deviation = |((coordinate, position), estimate): ((&Coordinate, &f64), &Estimate)| {
         let (lower, upper) = (coordinate.lower, coordinate.upper);
-        let shifted = known.estimate + known.standard_error?;
+        let shifted = estimate.estimate + estimate.standard_error?;
         let moved = coordinate.scale.position(shifted, lower, upper) - position;
         moved.is_finite().then_some(moved.abs())
     };
-    let known = outcome.correlation.as_ref()?;
-    let place =
-        |coordinate: &Coordinate| known.names.iter().position(|name| *name == coordinate.name);
+    let correlation = outcome.correlation.as_ref()?;
+    let place = |coordinate: &Coordinate| {
+        correlation
+            .names
+            .iter()
+            .position(|name| *name == coordinate.name)
+    };
     let places: Vec<usize> = problem
         .coordinates
         .iter()
         .map(place)
         .collect::<Option<_>>()?;
-    let row = |a: &usize| places.iter().map(|b| known.matrix[*a][*b]).collect();
+    let row = |a: &usize| places.iter().map(|b| correlation.matrix[*a][*b]).collect();
     Some(Errors {
         deviations: coordinates
             .zip(estimates(outcome))

@@ -184,14 +184,14 @@ impl<'a> History<'a> {
         let draws: Vec<Vec<Known>> = (0..RANDOM_CHOICES).map(draw).collect::<Option<_>>()?;
         let unknowns = draws.first()?.len();
         let middle = |unknown: usize, of: fn(&Known) -> Option<f64>| {
-            let values = draws.iter().map(|known| of(&known[unknown]));
+            let values = draws.iter().map(|draw| of(&draw[unknown]));
             let mut values: Vec<f64> = values.map(|value| value.unwrap_or(f64::INFINITY)).collect();
             values.sort_by(f64::total_cmp);
             Some(values[RANDOM_CHOICES / 2]).filter(|value| value.is_finite())
         };
         let errors = (0..unknowns).map(|unknown| Known {
-            noise: middle(unknown, |known| known.noise),
-            total: middle(unknown, |known| known.total),
+            noise: middle(unknown, |draw| draw.noise),
+            total: middle(unknown, |draw| draw.total),
         });
         Some(errors.collect())
     }

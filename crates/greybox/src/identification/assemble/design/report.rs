@@ -105,18 +105,18 @@ fn log10_determinant(problem: &DesignProblem, present: &Present, assessment: &As
 pub(in crate::identification::assemble) fn predicted(
     problem: &Problem,
     positions: &[f64],
-    known: Option<Vec<Known>>,
+    knowledge: Option<Vec<Known>>,
 ) -> Vec<PredictedParameter> {
     let coordinates = problem.coordinates.iter().zip(positions);
-    let known = known.into_iter().flatten();
+    let knowledge = knowledge.into_iter().flatten();
     coordinates
-        .zip(known)
-        .map(|((coordinate, position), known)| PredictedParameter {
+        .zip(knowledge)
+        .map(|((coordinate, position), knowledge)| PredictedParameter {
             name: coordinate.name.clone(),
             unit: coordinate.unit.clone(),
             value: coordinate.value(*position),
-            standard_error: known.noise,
-            total_standard_error: known.total,
+            standard_error: knowledge.noise,
+            total_standard_error: knowledge.total,
         })
         .collect()
 }
@@ -140,9 +140,9 @@ fn doubts(problem: &DesignProblem, present: &Present, best: &Assessment) -> Vec<
         );
         findings.push(Finding::new("points_failed", "/parameters", &detail));
     }
-    let known = best.known.iter().flatten().enumerate();
-    let open =
-        known.filter(|(index, known)| problem.wanted.contains(index) && known.total.is_none());
+    let knowledge = best.known.iter().flatten().enumerate();
+    let open = knowledge
+        .filter(|(index, knowledge)| problem.wanted.contains(index) && knowledge.total.is_none());
     let open: Vec<String> = open
         .map(|(index, _)| format!("`{}`", problem.next.coordinates[index].name))
         .collect();

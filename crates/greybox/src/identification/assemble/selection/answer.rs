@@ -125,8 +125,8 @@ impl Selecting {
         wanted.collect()
     }
 
-    fn predicted(&self, known: Option<Vec<Known>>) -> Vec<PredictedParameter> {
-        predicted(&self.shared, &self.positions, known)
+    fn predicted(&self, knowledge: Option<Vec<Known>>) -> Vec<PredictedParameter> {
+        predicted(&self.shared, &self.positions, knowledge)
     }
 
     /// The inputs that follow an output, over all windows together.
@@ -190,8 +190,10 @@ impl Selecting {
     ) -> WindowsOfSelection {
         let of_unknown = |unknown: usize| {
             let mut errors = vec![None; looked.len()];
-            for (place, known) in informing.places.iter().zip(alone) {
-                errors[*place] = known.as_ref().and_then(|known| known[unknown].total);
+            for (place, knowledge) in informing.places.iter().zip(alone) {
+                errors[*place] = knowledge
+                    .as_ref()
+                    .and_then(|knowledge| knowledge[unknown].total);
             }
             errors
         };
