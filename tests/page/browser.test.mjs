@@ -490,10 +490,8 @@ test("every page is accessible, fits its width and makes no fault, in both schem
   for (const [name, address] of Object.entries(pages)) {
     // The reference is long, so it is checked once.
     for (const size of name === "reference" ? SIZES.slice(0, 1) : SIZES) {
-      // The report is made for paper; on a phone it is scrolled.
-      const mayBeWide = name === "report";
       const ready = { job: ".discs .cell", disturbed: ".discs .cell", reference: "rapi-doc" }[name];
-      faults.push(...(await faultsOf(name, address, { size, checker: shared.checker, mayBeWide, ready })));
+      faults.push(...(await faultsOf(name, address, { size, checker: shared.checker, ready })));
     }
   }
   assert.deepEqual(faults, []);

@@ -23,7 +23,7 @@ pub fn model(page: &mut String, report: &Report<'_>) {
         push(page, format_args!("{}\n", escape(line)));
     }
     page.push_str(
-        "</pre>\n<table>\n<thead><tr><th>signal</th><th class=\"words\">is</th><th>unit</th>\
+        "</pre>\n<div class=\"scroll\"><table>\n<thead><tr><th>signal</th><th class=\"words\">is</th><th>unit</th>\
          <th class=\"words\">recorded as</th><th class=\"words\">meaning</th></tr></thead>\n",
     );
     let used = |name: &str| {
@@ -53,7 +53,7 @@ pub fn model(page: &mut String, report: &Report<'_>) {
             ),
         );
     }
-    page.push_str("</table>\n</section>\n");
+    page.push_str("</table></div>\n</section>\n");
 }
 
 /// The recordings, an experiment after the other.
