@@ -133,7 +133,7 @@ macro_rules! words {
 /// let (document, faults) = (serde_json::json!({"times": 11}), Faults::default());
 /// let waiting = Waiting::read(&Field::root(&document, &faults));
 /// assert_eq!(waiting.length_s, 1.5);
-/// assert_eq!(faults.into_vec()[0].detail, "11 is outside 1 to 10");
+/// assert_eq!(&*faults.into_vec()[0].detail, "11 is outside 1 to 10");
 /// ```
 #[macro_export]
 macro_rules! settings {
