@@ -125,14 +125,14 @@ impl std::error::Error for Fault {}
 fn name_or_number<'de, D: Deserializer<'de>>(from: D) -> Result<Option<Box<str>>, D::Error> {
     #[derive(Deserialize)]
     #[serde(untagged)]
-    enum Column {
+    enum StoredColumn {
         Name(Box<str>),
         Number(u64),
     }
-    let column = Option::<Column>::deserialize(from)?;
+    let column = Option::<StoredColumn>::deserialize(from)?;
     Ok(column.map(|column| match column {
-        Column::Name(name) => name,
-        Column::Number(number) => number.to_string().into(),
+        StoredColumn::Name(name) => name,
+        StoredColumn::Number(number) => number.to_string().into(),
     }))
 }
 

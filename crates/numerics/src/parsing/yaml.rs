@@ -6,9 +6,9 @@
 
 use saphyr_parser::{Event, Marker, Parser, ScalarStyle, ScanError, Span, StrInput};
 use serde_json::{Map, Number, Value};
+use std::fmt;
 
 use super::Fault;
-use std::fmt;
 
 /// How deep mappings and sequences may stand in each other.
 const MAX_DEPTH: usize = 128;

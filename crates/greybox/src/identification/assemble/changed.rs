@@ -31,8 +31,8 @@ pub fn changed(problem: &Problem, before: &JobSpec, spec: &JobSpec) -> Option<Pr
     }
     let outputs = problem.outputs.iter();
     let outputs = outputs.map(|output| {
-        let [output_spec, said_before] = [spec, before].map(|spec| spec.outputs.get(&output.name));
-        with_noise(output, output_spec, said_before)
+        let [output_spec, spec_before] = [spec, before].map(|spec| spec.outputs.get(&output.name));
+        with_noise(output, output_spec, spec_before)
     });
     let outputs = outputs.collect::<Option<Vec<MeasuredOutput>>>()?;
     let assumptions = assumption::assumptions(spec, description, &outputs);
