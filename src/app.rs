@@ -21,6 +21,7 @@ use crate::config::{SHUTDOWN_LIMIT, Settings, SettingsError};
 use crate::dashboard;
 use crate::delivery::Sender;
 use crate::event::EventHub;
+use crate::identity::Provider;
 use crate::store::{Retention, Store, StoreError};
 use crate::watcher::Watcher;
 use crate::worker::Worker;
@@ -60,7 +61,7 @@ pub enum StartError {
     #[error(
         "nobody would have to say who they are to a server that listens on {0}: make a token first \
          (`greybox token create --name NAME --scope submit`, with the same --database), or name the \
-         proxy that knows people (--trusted-proxy), or listen on 127.0.0.1"
+         identity provider (--oidc-issuer) or the proxy (--trusted-proxy) that knows people, or listen on 127.0.0.1"
     )]
     NobodyAsked(SocketAddr),
     /// The files of its TLS are of no use.
@@ -107,7 +108,9 @@ impl App {
     ) -> Result<Self, StartError> {
         let worker_settings = settings.worker()?;
         let access = settings.access()?;
-        let tls = settings.tls().map(Tls::new).transpose()?.map(Arc::new);
+        let provider = settings.oidc.provider()?.map(Provider::new).map(Arc::new);
+        let files = settings.tls.files();
+        let tls = files.map(Tls::new).transpose()?.map(Arc::new);
         let speaks_tls = tls.is_some();
         let proxies = access.proxies.clone();
         let destinations = Arc::new(settings.destinations()?);
@@ -115,7 +118,7 @@ impl App {
         system::outlive_the_largest_file();
         share_threads(settings.threads());
         let hub = EventHub::new();
-        let (store, listener) = open(&settings, &access, &hub).await?;
+        let (store, listener) = open(&settings, &access, provider.is_some(), &hub).await?;
         let address = listener.local_addr().map_err(|source| StartError::Listen {
             address: settings.listen,
             source,
@@ -129,18 +132,14 @@ impl App {
             catalogue: Catalogue::built_in(),
             limits: settings.limits(),
             access,
+            provider,
             destinations: Arc::clone(&destinations),
             workers_run: Arc::new(move || *alive.borrow()),
             metrics: metrics(),
         });
         let closing = CancellationToken::new();
-        let routes = api::resources(state).merge(dashboard::router());
-        let around = Around {
-            names: Arc::new(settings.names()),
-            audit: Some(Audit::new(store.audit().clone())),
-            speaks_tls,
-        };
-        let routes = api::with_middleware(routes, around);
+        let audit = Audit::new(store.audit().clone());
+        let routes = routes(state, audit, &settings);
         let mut tasks = JoinSet::new();
         if let Some(tls) = &tls {
             tasks.spawn(Arc::clone(tls).watch(closing.clone()));
@@ -155,8 +154,7 @@ impl App {
         let sender = Sender::new(store.clone(), destinations);
         tasks.spawn(sender.run(hub.clone(), closing.clone()));
         tasks.spawn(keep_up(metrics(), closing.clone()));
-        let retention = settings.retention();
-        tasks.spawn(tidy(store.clone(), retention, closing.clone()));
+        tasks.spawn(tidy(store.clone(), settings.retention(), closing.clone()));
         if store.is_shared() {
             tasks.spawn(hub.clone().look_again_and_again(closing.clone()));
         }
@@ -189,7 +187,7 @@ impl App {
     /// have declared this one dead.
     pub async fn wait_for_signal(&self) -> std::io::Result<()> {
         tokio::select! {
-            asked = terminated() => asked,
+            asked = system::terminated() => asked,
             () = self.store.nodes().superseded() => Err(std::io::Error::other(
                 "other nodes have declared this one dead and gone on without it",
             )),
@@ -252,6 +250,7 @@ impl App {
 async fn open(
     settings: &Settings,
     access: &AccessSettings,
+    has_provider: bool,
     hub: &EventHub,
 ) -> Result<(Store, TcpListener), StartError> {
     let is_alone = settings.listen.ip().to_canonical().is_loopback();
@@ -264,7 +263,8 @@ async fn open(
     if let Some(listener) = early {
         return Ok((store, listener));
     }
-    if access.proxies.is_empty() && !store.tokens().exist().await? {
+    let knows_people = has_provider || !access.proxies.is_empty();
+    if !knows_people && !store.tokens().exist().await? {
         store.close().await;
         return Err(StartError::NobodyAsked(settings.listen));
     }
@@ -274,6 +274,16 @@ async fn open(
     }
     let listener = listen(settings.listen)?;
     Ok((store, listener))
+}
+
+/// The API and the pages, with what every answer shares.
+fn routes(state: ApiState, audit: Audit, settings: &Settings) -> axum::Router {
+    let around = Around {
+        names: Arc::new(settings.names()),
+        audit: Some(audit),
+        speaks_tls: settings.tls.files().is_some(),
+    };
+    api::with_middleware(api::resources(state).merge(dashboard::router()), around)
 }
 
 /// Puts what was measured together now and then, so that it takes no more room for each request
@@ -339,21 +349,6 @@ fn metrics() -> PrometheusHandle {
             handle
         })
         .clone()
-}
-
-#[cfg(unix)]
-async fn terminated() -> std::io::Result<()> {
-    use tokio::signal::unix::{SignalKind, signal};
-    let mut terminate = signal(SignalKind::terminate())?;
-    tokio::select! {
-        _ = terminate.recv() => Ok(()),
-        interrupted = tokio::signal::ctrl_c() => interrupted,
-    }
-}
-
-#[cfg(not(unix))]
-async fn terminated() -> std::io::Result<()> {
-    tokio::signal::ctrl_c().await
 }
 
 #[cfg(test)]

@@ -5,11 +5,11 @@
 mod database;
 mod error;
 mod network;
+mod oidc;
 pub mod tls;
 
 use std::net::{Ipv4Addr, SocketAddr};
 use std::num::NonZeroUsize;
-use std::path::PathBuf;
 use std::time::Duration;
 
 use axum::http::HeaderName;
@@ -26,6 +26,8 @@ use crate::worker::WorkerSettings;
 pub use database::DatabaseArguments;
 pub use error::SettingsError;
 use network::network;
+pub use oidc::OidcArguments;
+use tls::TlsArguments;
 
 /// Connections that read the database at the same time.
 const READERS: u32 = 4;
@@ -241,6 +243,10 @@ pub struct Settings {
     )]
     pub roles: Vec<Role>,
 
+    /// The identity provider
+    #[command(flatten)]
+    pub oidc: OidcArguments,
+
     /// Where events may be delivered: a name (`mes.plant.example`, `*.plant.example`), an address, a
     /// network, or `*` for everything public. A private address is delivered to only where its network
     /// is named. Repeat it or separate them by commas [default: nowhere]
@@ -305,33 +311,9 @@ pub struct Settings {
     )]
     pub keep_deliveries_days: u16,
 
-    /// The certificate of the server with those of its authorities, a file in PEM: the server then
-    /// speaks TLS. The files are read again when they change
-    #[arg(
-        long,
-        env = "GREYBOX_TLS_CERT",
-        value_name = "FILE",
-        requires = "tls_key"
-    )]
-    pub tls_cert: Option<PathBuf>,
-
-    /// The key of the certificate, a file in PEM
-    #[arg(
-        long,
-        env = "GREYBOX_TLS_KEY",
-        value_name = "FILE",
-        requires = "tls_cert"
-    )]
-    pub tls_key: Option<PathBuf>,
-
-    /// The authorities of whom every client has to have a certificate, a file in PEM
-    #[arg(
-        long,
-        env = "GREYBOX_TLS_CLIENT_CA",
-        value_name = "FILE",
-        requires = "tls_cert"
-    )]
-    pub tls_client_ca: Option<PathBuf>,
+    /// The files of its TLS
+    #[command(flatten)]
+    pub tls: TlsArguments,
 
     /// What is logged, e.g. `info` or `greybox=debug`
     #[arg(
@@ -377,6 +359,7 @@ impl Default for Settings {
             proxy_user_header: AccessSettings::default().user_header,
             proxy_groups_header: AccessSettings::default().groups_header,
             roles: Vec::new(),
+            oidc: OidcArguments::default(),
             webhook_to: Vec::new(),
             keep_jobs_days: None,
             keep_jobs: None,
@@ -385,9 +368,7 @@ impl Default for Settings {
             keep_audit_entries: DEFAULT_KEEP_AUDIT_ENTRIES,
             keep_keys_days: DEFAULT_KEEP_KEYS_DAYS,
             keep_deliveries_days: DEFAULT_KEEP_DELIVERIES_DAYS,
-            tls_cert: None,
-            tls_key: None,
-            tls_client_ca: None,
+            tls: TlsArguments::default(),
             log: "info".to_owned(),
             otlp_endpoint: None,
         }
@@ -429,7 +410,9 @@ impl Settings {
 
     /// The names by which the server may be asked.
     pub fn names(&self) -> Names {
-        Names::new(self.names.iter().map(|name| name.trim()))
+        let public = self.oidc.public_name();
+        let names = self.names.iter().map(|name| name.trim());
+        Names::new(names.chain(public.as_deref()))
     }
 
     /// What a project may have.
@@ -474,7 +457,7 @@ impl Settings {
             user_header: self.proxy_user_header.clone(),
             groups_header: self.proxy_groups_header.clone(),
             roles: Roles::new(self.roles.clone()),
-            speaks_tls: self.tls_cert.is_some(),
+            speaks_tls: self.tls.tls_cert.is_some(),
         })
     }
 

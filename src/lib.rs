@@ -36,6 +36,10 @@ pub mod store;
 
 pub mod delivery;
 
+pub mod identity;
+
+pub(crate) mod outbound;
+
 pub mod event;
 
 pub mod span;

@@ -28,12 +28,12 @@ const CRATES: [Crate; 5] = [
     Crate { name: "service", folder: "src", rooms: &[
         // The command line starts servers, runs the method without one, and looks after the
         // database of one that does not run.
-        ("cli", &["app", "config", "api", "access", "delivery", "store", "span", "job"]),
+        ("cli", &["app", "config", "api", "access", "outbound", "store", "span", "job"]),
         // The composition root; only the command line imports it.
-        ("app", &["config", "api", "dashboard", "delivery", "job", "store", "event", "watcher", "worker"]),
+        ("app", &["config", "api", "dashboard", "delivery", "identity", "job", "store", "event", "watcher", "worker"]),
         // Settings are handed to the parts as the parts' own types.
-        ("config", &["api", "access", "delivery", "store", "worker"]),
-        ("api", &["access", "admission", "dashboard", "delivery", "event", "span", "monitor", "store", "job"]),
+        ("config", &["api", "access", "delivery", "identity", "outbound", "store", "worker"]),
+        ("api", &["access", "admission", "dashboard", "delivery", "event", "identity", "span", "monitor", "store", "job"]),
         // Names of projects, scopes and secrets: nothing of ours.
         ("access", &[]),
         // Permits in fair turns.
@@ -43,7 +43,11 @@ const CRATES: [Crate; 5] = [
         // What a monitor is asked, what it knows and what is shown of it.
         ("monitor", &[]),
         ("store", &["access", "job", "monitor"]),
-        ("delivery", &["access", "event", "store", "job"]),
+        ("delivery", &["access", "event", "outbound", "store", "job"]),
+        // The provider that knows people.
+        ("identity", &["access", "outbound"]),
+        // Requests that the program makes itself.
+        ("outbound", &[]),
         ("event", &["access", "store", "job"]),
         // What a collector is told: requests and slices.
         ("span", &["access", "job"]),
@@ -90,20 +94,20 @@ const OUTSIDE_WORLD: &[&str] = &[
 const PLACES: &[(&str, &[&str])] = &[
     // Settings name headers, and spans come from them.
     ("axum", &["src/api", "src/dashboard", "src/app", "src/config", "src/span.rs"]),
-    ("hyper", &["src/app", "src/cli", "src/delivery"]),
-    ("hyper_util", &["src/app", "src/cli", "src/delivery"]),
+    ("hyper", &["src/app", "src/cli", "src/delivery", "src/identity", "src/outbound"]),
+    ("hyper_util", &["src/app", "src/outbound"]),
     // The address of a PostgreSQL is a URL too.
-    ("url", &["src/delivery", "src/store/postgres_address.rs"]),
-    ("rustls", &["src/app", "src/cli", "src/delivery"]),
-    ("tokio_rustls", &["src/app", "src/cli", "src/delivery"]),
-    ("rustls_native_certs", &["src/delivery"]),
+    ("url", &["src/cli", "src/delivery", "src/identity", "src/outbound", "src/store/postgres_address.rs"]),
+    ("ring", &["src/identity"]),
+    ("rustls", &["src/app", "src/cli", "src/delivery", "src/identity", "src/outbound"]),
+    ("tokio_rustls", &["src/app", "src/outbound"]),
+    ("rustls_native_certs", &["src/outbound"]),
     ("hmac", &["src/delivery"]),
     // Clients of InfluxDB send their password in it.
-    ("base64", &["src/delivery", "src/api/sinks/credentials.rs"]),
+    ("base64", &["src/delivery", "src/identity", "src/api/sinks/credentials.rs"]),
     ("tokio_io_timeout", &["src/app"]),
     ("http_body", &["src/api"]),
-    // A command reads the answer of a server over TLS.
-    ("http_body_util", &["src/cli"]),
+    ("http_body_util", &["src/outbound"]),
     ("ipnet", &["src/api", "src/app", "src/config", "src/delivery"]),
     ("getrandom", &["src/access", "src/delivery"]),
     // Connections are files.

@@ -2,8 +2,8 @@
 //!
 //! A *project* is a name space: jobs, recordings, models and comparisons of one are not seen from
 //! another. A program asks with a [`token`](Secret) that is bound to one project and one [`Scope`];
-//! people come through a proxy that knows them, and have the [`Role`] of one of their groups. A server
-//! without tokens and proxies listens to its own machine alone and lets everybody there do everything
+//! people sign in at an identity provider or come through a proxy that knows them, and have the [`Role`] of one of their
+//! groups. A server without tokens, provider and proxies listens to its own machine alone and lets everybody there do everything
 //! in the project `default`.
 
 mod project;

@@ -1,4 +1,4 @@
-//! Roles: what the members of a group may do, as a proxy that knows people says who is one.
+//! Roles: what the members of a group may do, as a proxy or a provider that knows people says who is one.
 
 use std::str::FromStr;
 
@@ -66,11 +66,10 @@ impl Roles {
         Self(roles)
     }
 
-    /// The role of somebody who is in these groups, separated by commas: the first one that one of
-    /// them has.
+    /// The role of somebody who is in these groups: the first one that one of them has.
     #[must_use]
-    pub fn of(&self, groups: &str) -> Option<&Role> {
-        let is_in = |group: &str| groups.split(',').any(|own| own.trim() == group);
+    pub fn of<G: AsRef<str>>(&self, groups: &[G]) -> Option<&Role> {
+        let is_in = |group: &str| groups.iter().any(|name| name.as_ref().trim() == group);
         self.0.iter().find(|role| is_in(&role.group))
     }
 }
@@ -84,16 +83,16 @@ mod tests {
         let role = |text: &str| text.parse::<Role>().expect("a role");
         let roles = Roles::new(vec![role("plant it=admin"), role("operators=read:hall-2")]);
         assert_eq!(
-            roles.of("x, operators ,plant it").map(|r| r.scope),
+            roles.of(&["x", " operators ", "plant it"]).map(|r| r.scope),
             Some(Scope::Admin)
         );
-        let found = roles.of("operators").expect("a role");
+        let found = roles.of(&["operators"]).expect("a role");
         assert_eq!(
             (found.scope, found.project.as_str()),
             (Scope::Read, "hall-2")
         );
-        assert_eq!(roles.of("plant"), None);
-        assert_eq!(roles.of(""), None);
+        assert_eq!(roles.of(&["plant"]), None);
+        assert_eq!(roles.of::<&str>(&[]), None);
         for text in [
             "admin", "=read", "a=write", "a=read:B", "a,b=read", "a=append",
         ] {

@@ -12,6 +12,7 @@ const PREFIX: &str = "gbx_";
 const BYTES: usize = 32;
 
 /// A secret. Neither logs nor errors show it.
+#[derive(Clone)]
 pub struct Secret(String);
 
 /// SHA-256 of a secret, in hexadecimal digits.

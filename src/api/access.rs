@@ -1,4 +1,4 @@
-//! Lets a request on that its caller may ask: a token, or a proxy that knows people, says who that is.
+//! Lets a request on that its caller may ask: a token, a session, or a proxy that knows people, says who that is.
 //!
 //! What a path names is held against the caller's project where the name is read ([`Named`]); lists
 //! and what is made go by the [`Client`] that this layer hands on.
@@ -8,7 +8,7 @@
 use std::collections::HashMap;
 use std::net::IpAddr;
 use std::sync::atomic::{AtomicBool, Ordering};
-use std::sync::{Mutex, MutexGuard, PoisonError};
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::time::{Duration, Instant};
 
 use axum::http::{HeaderMap, HeaderName, HeaderValue, header};
@@ -19,12 +19,15 @@ use super::client::{Client, PeerAddress};
 use super::error::{Answer, Kind, Problem};
 use super::limits::Limits;
 use super::rates::Rates;
-use super::session_cookie;
-use crate::access::{BELIEVED, Digest, Roles, Secret};
-use crate::store::{Sessions, Store, TokenRow, Tokens};
+use super::session_cookie::{PROVIDER, SESSION};
+use crate::access::{BELIEVED, Digest, Roles, Scope, Secret};
+use crate::identity::Provider;
+use crate::store::{SessionHolder, Sessions, Store, TokenRow, Tokens};
 
 /// What a request brings that brings another text than the secret of a token.
 pub(super) const NO_TOKEN: &str = "no token of this server";
+/// What a request brings whose session has ended.
+const SESSION_IS_OVER: &str = "a session that is over";
 /// Requests of this many seconds may come together from one caller.
 const BURST_S: f64 = 2.0;
 /// Attempts to sign in from one address, in a second in the long run.
@@ -66,6 +69,8 @@ impl Default for AccessSettings {
 /// What is remembered of callers.
 pub struct Callers {
     pub(super) settings: AccessSettings,
+    /// The identity provider at which people sign in.
+    pub(super) provider: Option<Arc<Provider>>,
     /// The tokens that callers bring are looked up here.
     tokens: Tokens,
     /// Sessions begin, are looked up and end here.
@@ -82,7 +87,7 @@ pub struct Callers {
     recent: Mutex<RecentTokens>,
 }
 
-/// The tokens that callers brought lately, and the tokens of their sessions.
+/// The tokens that callers brought lately, and whose their sessions are.
 #[derive(Default)]
 struct RecentTokens {
     remembered: HashMap<Digest, Remembered>,
@@ -91,8 +96,8 @@ struct RecentTokens {
 }
 
 struct Remembered {
-    row: TokenRow,
-    /// When the reading of the row began.
+    holder: SessionHolder,
+    /// When the reading of the holder began.
     read: Instant,
     /// When the use of the token was last written down.
     noted: Instant,
@@ -106,7 +111,12 @@ struct TokenReading {
 
 impl Callers {
     /// Callers of a server.
-    pub(super) fn new(settings: AccessSettings, limits: &Limits, store: &Store) -> Self {
+    pub(super) fn new(
+        settings: AccessSettings,
+        provider: Option<Arc<Provider>>,
+        limits: &Limits,
+        store: &Store,
+    ) -> Self {
         let per_second = limits.requests_per_second;
         Self {
             tokens: store.tokens().clone(),
@@ -114,14 +124,15 @@ impl Callers {
             is_shared: store.is_shared(),
             requests: Rates::new(per_second, per_second * BURST_S, limits.requests_at_once),
             sign_ins: Rates::new(SIGN_INS_PER_SECOND, SIGN_INS_AT_ONCE, u32::MAX),
-            asks: AtomicBool::new(!settings.proxies.is_empty()),
+            asks: AtomicBool::new(!settings.proxies.is_empty() || provider.is_some()),
             settings,
+            provider,
             looked: Mutex::default(),
             recent: Mutex::default(),
         }
     }
 
-    /// Whether callers have to say who they are: a proxy is trusted, or a token was made.
+    /// Whether callers have to say who they are: a proxy is trusted, there is an identity provider, or a token was made.
     async fn asks(&self) -> Answer<bool> {
         if self.asks.load(Ordering::Relaxed) {
             return Ok(true);
@@ -157,44 +168,65 @@ impl Callers {
         if let Some(person) = self.person(peer, headers, &address)? {
             return Ok(person);
         }
-        let secret = session_cookie::cookie(headers);
+        let secret = SESSION.of(headers);
         let secret = secret.ok_or_else(|| refused("nothing that says who asks"))?;
         let digest = secret.session_digest();
-        let row = match self.remembered(&digest) {
+        let holder = match self.remembered(&digest) {
             // Who signs out at another node is signed out at this one too.
-            Some(row) if !self.is_shared => row,
+            Some(holder) if !self.is_shared => holder,
             _ => self.session(&digest).await?,
         };
-        let row = self.checked(&digest, row, &address)?;
+        let client = match holder {
+            SessionHolder::Token(row) => {
+                let row = self.checked(&digest, row, &address)?;
+                Client::of_token(row, address)
+            }
+            SessionHolder::Person { person, expires_at } => {
+                if self.provider.is_none() || expires_at <= Timestamp::now() {
+                    return Err(refused(SESSION_IS_OVER));
+                }
+                self.person_in_groups(&person.name, &person.groups, &address)?
+            }
+        };
         Ok(Client {
             has_session: true,
-            ..Client::of_token(row, address)
+            ..client
         })
+    }
+
+    /// The refusal of whoever does not say who asks, with the way to sign in where there is an identity provider.
+    pub(super) fn with_way_in(&self, problem: Problem) -> Problem {
+        if self.provider.is_none() || problem.kind() != Kind::Unauthorised {
+            return problem;
+        }
+        let link = format!("<{PROVIDER}>; rel=\"sign-in\"");
+        let link = HeaderValue::from_str(&link).expect("a path is visible ASCII");
+        problem.with_header(header::LINK, link)
     }
 
     /// The token of a secret that came from an address, where it counts.
     pub(super) async fn token(&self, secret: &Secret, address: &str) -> Answer<TokenRow> {
         let digest = secret.digest();
         let row = match self.remembered(&digest) {
-            Some(row) => row,
-            None => {
+            Some(SessionHolder::Token(row)) => row,
+            _ => {
                 let reading = self.reading();
                 let row = self.tokens.find(&digest).await?;
                 let row = row.ok_or_else(|| refused(NO_TOKEN))?;
-                self.remember(&digest, &row, reading);
+                self.remember(&digest, SessionHolder::Token(row.clone()), reading);
                 row
             }
         };
         self.checked(&digest, row, address)
     }
 
-    /// The token of a session, from the database.
-    async fn session(&self, digest: &Digest) -> Answer<TokenRow> {
+    /// Whose session it is, from the database.
+    async fn session(&self, digest: &Digest) -> Answer<SessionHolder> {
         let reading = self.reading();
-        let row = self.sessions.find(digest).await?;
-        let row = row.ok_or_else(|| refused("a session that is over"))?;
-        self.remember(digest, &row, reading);
-        Ok(row)
+        let holder = self.sessions.find(digest).await?;
+        let holder = holder.ok_or_else(|| refused(SESSION_IS_OVER))?;
+        self.remember(digest, holder.clone(), reading);
+        Ok(holder)
     }
 
     /// What stands for a caller, where it still counts; that it was used is noted. The refusal of a token that
@@ -220,11 +252,11 @@ impl Callers {
         Ok(row)
     }
 
-    /// The row of a token, as long as it is believed.
-    fn remembered(&self, digest: &Digest) -> Option<TokenRow> {
+    /// What a digest stands for, as long as that is believed.
+    fn remembered(&self, digest: &Digest) -> Option<SessionHolder> {
         let tokens = lock(&self.recent);
         let remembered = tokens.remembered.get(digest)?;
-        (remembered.read.elapsed() < BELIEVED).then(|| remembered.row.clone())
+        (remembered.read.elapsed() < BELIEVED).then(|| remembered.holder.clone())
     }
 
     /// Says that a token is now read from the database.
@@ -241,7 +273,7 @@ impl Callers {
         tokens.ended += 1;
     }
 
-    fn remember(&self, digest: &Digest, row: &TokenRow, reading: TokenReading) {
+    fn remember(&self, digest: &Digest, holder: SessionHolder, reading: TokenReading) {
         let mut tokens = lock(&self.recent);
         if tokens.ended != reading.ended {
             return;
@@ -255,8 +287,13 @@ impl Callers {
         let noted = all
             .get(digest)
             .map_or(long_ago, |remembered| remembered.noted);
-        let (row, read) = (row.clone(), reading.at);
-        all.insert(digest.clone(), Remembered { row, read, noted });
+        let read = reading.at;
+        let remembered = Remembered {
+            holder,
+            read,
+            noted,
+        };
+        all.insert(digest.clone(), remembered);
     }
 
     fn is_to_be_noted(&self, digest: &Digest) -> bool {
@@ -290,20 +327,36 @@ impl Callers {
             return Ok(None);
         };
         let groups = single_value(&self.settings.groups_header).unwrap_or_default();
-        let role = self.settings.roles.of(groups).ok_or_else(|| {
-            let detail = "no group of this person has a role here";
-            Problem::new(Kind::Forbidden, detail)
-        })?;
-        let user: String = user.chars().filter(|c| !c.is_control()).take(80).collect();
-        Ok(Some(Client {
+        let groups: Vec<&str> = groups.split(',').collect();
+        self.person_in_groups(user, &groups, address).map(Some)
+    }
+
+    /// A person who is in these groups. The refusal of one who has no role names the person to the log.
+    pub(super) fn person_in_groups<G: AsRef<str>>(
+        &self,
+        name: &str,
+        groups: &[G],
+        address: &str,
+    ) -> Answer<Client> {
+        let role = self.settings.roles.of(groups);
+        let name: String = name.chars().filter(|c| !c.is_control()).take(80).collect();
+        let person = Client {
             address: address.to_owned(),
-            who: format!("person {user}"),
-            project: role.project.clone(),
-            scope: role.scope,
+            who: format!("person {name}"),
+            project: role.map(|role| role.project.clone()).unwrap_or_default(),
+            scope: role.map_or(Scope::Read, |role| role.scope),
             streams: None,
             is_known: true,
             has_session: false,
-        }))
+        };
+        match role {
+            Some(_) => Ok(person),
+            None => {
+                let detail = "no group of this person has a role here; whoever runs this server gives roles to \
+                              groups (--role)";
+                Err(Problem::new(Kind::Forbidden, detail).with_note(person))
+            }
+        }
     }
 }
 

@@ -122,9 +122,12 @@ impl Audit {
     /// Writes down what is to be: who was refused, and, where callers have to say who they are,
     /// what changes something or was to.
     pub(super) async fn note(&self, asked: AnsweredRequest<'_>) {
-        let guesses = asked.status == 429 && asked.path == session_cookie::PATH;
+        let returns = asked.path == session_cookie::CALLBACK;
+        let guesses = asked.status == 429 && (returns || asked.path == session_cookie::PATH);
         let refused = guesses || matches!(asked.status, 401 | 403 | 421);
-        let changes = !matches!(*asked.method, Method::GET | Method::HEAD | Method::OPTIONS);
+        // A person who comes back from the identity provider has a session from then on.
+        let changes =
+            returns || !matches!(*asked.method, Method::GET | Method::HEAD | Method::OPTIONS);
         let client = asked.client.filter(|client| client.is_known);
         let is_noted = refused || (changes && client.is_some());
         if !is_noted {

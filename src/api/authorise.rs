@@ -34,7 +34,10 @@ fn needed(method: &Method, path: &str) -> Option<Scope> {
         Some(Scope::Read)
     } else if Protocol::of_path(path).is_some() || (*method == Method::POST && is_stream(path)) {
         Some(Scope::Append)
-    } else if !below("/v1") || (path == session_cookie::PATH && *method == Method::POST) {
+    } else if !below("/v1")
+        || (path == session_cookie::PATH && *method == Method::POST)
+        || [session_cookie::PROVIDER, session_cookie::CALLBACK].contains(&path)
+    {
         None
     } else if path == session_cookie::PATH {
         Some(Scope::Read)
@@ -71,7 +74,7 @@ pub(super) async fn authorise(
     let client = callers.client(peer, request.headers()).await;
     let client = match client {
         Ok(client) => client,
-        Err(problem) => return problem.into_response(),
+        Err(problem) => return callers.with_way_in(problem).into_response(),
     };
     let forgeable = client.has_session && !matches!(*request.method(), Method::GET | Method::HEAD);
     let counted = client.is_known.then(|| callers.requests.count(&client.who));
@@ -162,6 +165,9 @@ mod tests {
             ),
             (Method::PUT, "/v1/mappings/plant", Some(Scope::Submit)),
             (Method::POST, "/v1/session", None),
+            (Method::GET, "/v1/session/provider", None),
+            (Method::GET, "/v1/session/callback", None),
+            (Method::GET, "/v1/session/else", Some(Scope::Read)),
             (Method::GET, "/v1/session", Some(Scope::Read)),
             (Method::DELETE, "/v1/session", Some(Scope::Read)),
             (Method::GET, "/v1/webhooks/x/deliveries", Some(Scope::Admin)),

@@ -10,6 +10,7 @@ use jiff::Timestamp;
 use serde::Serialize;
 use utoipa::ToSchema;
 
+use super::problem_page;
 use crate::job::IllegalTransition;
 use greybox::parsing::Fault;
 use std::sync::Arc;
@@ -326,23 +327,39 @@ impl Problem {
 
     /// The document, as the answer to the request to `instance`.
     pub fn document(self, instance: &str, request_id: &str) -> Response {
-        let status = self.kind.status();
-        self.kind.count();
         let document = ProblemDocument {
             kind: self.kind.uri(),
             title: self.kind.title(),
-            status: status.as_u16(),
-            detail: self.detail,
+            status: self.kind.status().as_u16(),
+            detail: self.detail.clone(),
             instance: instance.to_owned(),
-            errors: self.errors,
+            errors: self.errors.clone(),
             request_id: request_id.to_owned(),
         };
         let body = serde_json::to_vec(&document).expect("a problem has only text keys");
-        let mut response = Response::new(Body::from(body));
-        *response.status_mut() = status;
-        let problem_json = HeaderValue::from_static(PROBLEM_JSON);
+        let kind = HeaderValue::from_static(PROBLEM_JSON);
+        self.answer(kind, Body::from(body))
+    }
+
+    /// The problem as a page that a person reads.
+    pub fn page(self, request_id: &str) -> Response {
+        let faults = self.errors.iter().map(ToString::to_string);
+        let page = problem_page::page(self.kind.title(), &self.detail, faults, request_id);
+        let kind = HeaderValue::from_static("text/html; charset=utf-8");
+        let mut response = self.answer(kind, Body::from(page));
+        let policy = HeaderValue::from_static(problem_page::POLICY);
         let headers = response.headers_mut();
-        headers.insert(header::CONTENT_TYPE, problem_json);
+        headers.insert(header::CONTENT_SECURITY_POLICY, policy);
+        response
+    }
+
+    /// The answer with a body; the refusal is counted.
+    fn answer(self, kind: HeaderValue, body: Body) -> Response {
+        self.kind.count();
+        let mut response = Response::new(body);
+        *response.status_mut() = self.kind.status();
+        let headers = response.headers_mut();
+        headers.insert(header::CONTENT_TYPE, kind);
         for (name, value) in self.headers {
             headers.insert(name, value);
         }

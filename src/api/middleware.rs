@@ -19,7 +19,7 @@ use uuid::Uuid;
 use super::audit::{ActedOn, AnsweredRequest, Audit};
 use super::client::{Client, PeerAddress};
 use super::error::{PROBLEM_JSON, Problem};
-use super::http_headers::GZIP_TAG_END;
+use super::http_headers::{GZIP_TAG_END, prefers};
 use super::origin::{self, Names};
 use super::sinks::protocol::{IsWhole, Protocol};
 use super::unpacking;
@@ -95,11 +95,12 @@ async fn answer(State(outermost): State<Outermost>, request: Request, next: Next
         let route = route.as_ref().map_or("", MatchedPath::as_str);
         span::request(&method, route, (&path, &id), request.headers())
     };
+    let as_page = method == Method::GET && prefers(request.headers(), "text/html");
     let (request, unread) = UnreadBody::of(request);
     let mut response = next.run(request).instrument(span.clone()).await;
     let client = response.extensions_mut().remove::<Client>();
     let acted_on = response.extensions_mut().remove::<ActedOn>();
-    let mut response = with_problem(response, &path, &id);
+    let mut response = with_problem(response, &path, &id, as_page);
     mark_compressed(response.headers_mut());
     let value = HeaderValue::from_str(&id).expect("the id was checked or made here");
     response.headers_mut().insert(REQUEST_ID, value);
@@ -168,8 +169,9 @@ fn request_id(headers: &HeaderMap) -> String {
         .map_or_else(|| Uuid::now_v7().to_string(), str::to_owned)
 }
 
-/// An error without a problem document gets one, or the form that the protocol of its path has for errors.
-fn with_problem(mut response: Response, path: &str, id: &str) -> Response {
+/// An error without a problem document gets one, or the form that the protocol of its path has for errors. A browser
+/// that goes to a place gets the problem as a page.
+fn with_problem(mut response: Response, path: &str, id: &str, as_page: bool) -> Response {
     let status = response.status();
     let is_error = status.is_client_error() || status.is_server_error();
     let is_whole = response.extensions().get::<IsWhole>().is_some();
@@ -180,6 +182,7 @@ fn with_problem(mut response: Response, path: &str, id: &str) -> Response {
     let problem = problem.unwrap_or_else(|| Problem::of_status(status));
     let mut document = match Protocol::of_path(path) {
         Some(protocol) => protocol.refusal(problem),
+        None if as_page => problem.page(id),
         None => problem.document(path, id),
     };
     for name in [header::ALLOW, header::ACCEPT_ENCODING] {
@@ -215,6 +218,7 @@ mod tests {
     use tower::util::ServiceExt;
 
     use super::*;
+    use crate::api::error::Kind;
 
     async fn ask(request: Request) -> (Response<()>, Value) {
         let routes = Router::new()
@@ -260,6 +264,31 @@ mod tests {
             assert_eq!(problem["instance"], path);
             let id = response.headers()["x-request-id"].to_str().unwrap();
             assert_eq!(problem["request_id"], id);
+        }
+    }
+
+    #[tokio::test]
+    async fn a_browser_that_goes_to_a_place_reads_the_problem_as_a_page() {
+        let routes = || {
+            let cut = async || Problem::new(Kind::WrongState, "the job <b>7</b> is running");
+            with_middleware(Router::new().route("/report", get(cut)), Around::default())
+        };
+        let browser = "text/html,application/xhtml+xml,application/xml;q=0.9,*/*;q=0.8";
+        for (accept, is_page) in [(browser, true), ("*/*", false), ("application/json", false)] {
+            let mut request = get_request("/report");
+            let accepts = HeaderValue::from_str(accept).unwrap();
+            request.headers_mut().insert(header::ACCEPT, accepts);
+            let response = routes().oneshot(request).await.unwrap();
+            assert_eq!(response.status(), 409);
+            let kind = response.headers()[header::CONTENT_TYPE].clone();
+            let body = to_bytes(response.into_body(), 10_000).await.unwrap();
+            let text = std::str::from_utf8(&body).unwrap();
+            assert_eq!(kind == "text/html; charset=utf-8", is_page, "{accept}");
+            assert_eq!(
+                text.contains("&lt;b&gt;7&lt;/b&gt; is running"),
+                is_page,
+                "{text}"
+            );
         }
     }
 

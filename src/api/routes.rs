@@ -72,6 +72,8 @@ fn described() -> OpenApiRouter<ApiState> {
         .routes(routes!(report::report))
         .routes(routes!(verdict_rules::list))
         .routes(routes!(session::sign_in, session::show, session::sign_out))
+        .routes(routes!(session::provider::leave))
+        .routes(routes!(session::provider::arrive))
         .routes(routes!(audit::list))
         .routes(routes!(webhooks::create, webhooks::list))
         .routes(routes!(webhooks::show, webhooks::remove))

@@ -1,10 +1,13 @@
-//! Sessions of people at the page: a token is taken once, a cookie stands for it from then on.
+//! Sessions of people at the page: a token is taken once, or the identity provider says who it is ([`provider`]), and
+//! a cookie stands for that from then on.
 //!
 //! The cookie holds 256 random bits and is out of reach of scripts; the server keeps a digest of them.
 //! A browser sends it with each request to this server, whoever had it ask, so that a request that
 //! changes something has to bring a second text, which only a page of this server can know; that it
 //! comes from no other site is looked at before ([`origin`](super::origin)). A session may do what its
 //! token may, and ends with it, with its own time, or by signing out.
+
+pub mod provider;
 
 use std::sync::Arc;
 
@@ -21,8 +24,9 @@ use super::client::{Client, PeerAddress};
 use super::error::{Answer, Kind, Problem};
 use super::http_headers::json;
 use super::query::{NoQuery, Params};
-use super::session_cookie::{cookie, set_cookie};
+use super::session_cookie::SESSION;
 use crate::access::{Scope, Secret};
+use crate::store::NewHolder;
 use greybox::parsing::reader::{Field, read_document};
 
 /// How long a session lasts.
@@ -103,27 +107,60 @@ pub async fn sign_in(
             "a token with the scope `append` is for programs that append; it begins no session";
         return Err(Problem::new(Kind::Forbidden, detail));
     }
-    end(&callers, &headers).await?;
-    let secret = Secret::new().map_err(|error| {
-        tracing::error!(%error, "the system gives no random bytes");
-        Problem::of_status(StatusCode::INTERNAL_SERVER_ERROR)
-    })?;
-    let now = Timestamp::now();
-    let latest = now + LIFE;
-    let ends = row.expires_at.map_or(latest, |end| end.min(latest));
-    let digest = secret.session_digest();
-    callers.sessions.begin(row.id, digest, ends).await?;
+    let holder = NewHolder::Token(row.id);
+    let begun = begin(&callers, &headers, holder, row.expires_at).await?;
     let client = Client::of_token(row, address);
     let shown = Session {
-        expires_at: Some(ends),
-        ..Session::new(&client, Some(&secret))
+        expires_at: Some(begun.ends),
+        ..Session::new(&client, Some(&begun.secret))
     };
     let mut response = json(StatusCode::OK, &shown);
-    let life_s = ends.duration_since(now).as_secs();
-    let is_secure = is_secure(&callers, &headers);
-    set_cookie(&mut response, secret.expose(), life_s, is_secure);
+    begun.keep(response.headers_mut(), is_secure(&callers, &headers));
     response.extensions_mut().insert(client);
     Ok(response)
+}
+
+/// A session that has begun.
+struct Begun {
+    secret: Secret,
+    ends: Timestamp,
+    life_s: i64,
+}
+
+impl Begun {
+    /// Has the browser keep the cookie of the session.
+    fn keep(&self, headers: &mut HeaderMap, is_secure: bool) {
+        SESSION.keep(headers, &self.secret, self.life_s, is_secure);
+    }
+}
+
+/// Ends the session that a request brings, and begins another, which lasts no longer than to an instant.
+async fn begin(
+    callers: &Callers,
+    headers: &HeaderMap,
+    holder: NewHolder,
+    at_most: Option<Timestamp>,
+) -> Answer<Begun> {
+    end(callers, headers).await?;
+    let secret = new_secret()?;
+    let now = Timestamp::now();
+    let latest = now + LIFE;
+    let ends = at_most.map_or(latest, |end| end.min(latest));
+    let digest = secret.session_digest();
+    callers.sessions.begin(holder, digest, ends).await?;
+    let life_s = ends.duration_since(now).as_secs();
+    Ok(Begun {
+        secret,
+        ends,
+        life_s,
+    })
+}
+
+fn new_secret() -> Answer<Secret> {
+    Secret::new().map_err(|error| {
+        tracing::error!(%error, "the system gives no random bytes");
+        Problem::of_status(StatusCode::INTERNAL_SERVER_ERROR)
+    })
 }
 
 fn read(root: &Field<'_>) -> Option<String> {
@@ -143,7 +180,7 @@ fn is_secure(callers: &Callers, headers: &HeaderMap) -> bool {
 
 /// Ends the session that a request brings, where it brings one.
 async fn end(callers: &Callers, headers: &HeaderMap) -> Answer<()> {
-    if let Some(secret) = cookie(headers) {
+    if let Some(secret) = SESSION.of(headers) {
         let digest = secret.session_digest();
         callers.sessions.end(digest.clone()).await?;
         callers.forget(&digest);
@@ -157,7 +194,7 @@ async fn end(callers: &Callers, headers: &HeaderMap) -> Answer<()> {
     responses((status = 200, description = "The caller", body = Session))
 )]
 pub async fn show(client: Client, _query: Params<NoQuery>, headers: HeaderMap) -> Answer {
-    let secret = cookie(&headers).filter(|_| client.has_session);
+    let secret = SESSION.of(&headers).filter(|_| client.has_session);
     let mut response = json(StatusCode::OK, &Session::new(&client, secret.as_ref()));
     let no_store = HeaderValue::from_static("no-store");
     response
@@ -184,6 +221,6 @@ pub async fn sign_out(
     }
     end(&callers, &headers).await?;
     let mut response = StatusCode::NO_CONTENT.into_response();
-    set_cookie(&mut response, "", 0, is_secure(&callers, &headers));
+    SESSION.forget(response.headers_mut(), is_secure(&callers, &headers));
     Ok(response)
 }

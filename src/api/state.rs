@@ -16,6 +16,7 @@ use super::spec_cache::SpecCache;
 use super::work::Work;
 use crate::delivery::Destinations;
 use crate::event::EventHub;
+use crate::identity::Provider;
 use crate::store::{
     AuditLog, Comparisons, Damage, Datasets, Deliveries, Jobs, Mappings, Monitors, Results, Store,
     Streams, Webhooks,
@@ -38,6 +39,8 @@ pub struct Parts {
     pub limits: Limits,
     /// Who may ask.
     pub access: AccessSettings,
+    /// The identity provider at which people sign in.
+    pub provider: Option<Arc<Provider>>,
     /// Where events may be delivered.
     pub destinations: Arc<Destinations>,
     /// Whether the workers run.
@@ -92,6 +95,7 @@ impl ApiState {
             catalogue,
             limits,
             access,
+            provider,
             destinations,
             workers_run,
             metrics,
@@ -102,7 +106,7 @@ impl ApiState {
             library: ModelLibrary::new(catalogue, store.models().clone(), work.clone()),
             bodies: Bodies::new(&limits, hub.clone(), work.clone(), store.datasets().clone()),
             event_streams: EventStreams::new(limits.streams_at_once, store.clone(), hub.clone()),
-            callers: Arc::new(Callers::new(access, &limits, &store)),
+            callers: Arc::new(Callers::new(access, provider, &limits, &store)),
             checked: SpecCache::default(),
             simulated: ComputedCache::default(),
             smoothed: ComputedCache::default(),
@@ -208,6 +212,7 @@ pub(crate) mod tests {
             catalogue: Catalogue::built_in(),
             limits: Limits::default(),
             access: AccessSettings::default(),
+            provider: None,
             destinations: Arc::default(),
             workers_run: Arc::new(|| true),
             metrics: PrometheusBuilder::new().build_recorder().handle(),

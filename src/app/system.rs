@@ -71,6 +71,23 @@ pub(super) fn outlive_the_largest_file() {
 #[cfg(not(unix))]
 pub(super) fn outlive_the_largest_file() {}
 
+/// Returns when the process is asked to end.
+#[cfg(unix)]
+pub(super) async fn terminated() -> std::io::Result<()> {
+    use tokio::signal::unix::{SignalKind, signal};
+    let mut terminate = signal(SignalKind::terminate())?;
+    tokio::select! {
+        _ = terminate.recv() => Ok(()),
+        interrupted = tokio::signal::ctrl_c() => interrupted,
+    }
+}
+
+/// Returns when the process is asked to end.
+#[cfg(not(unix))]
+pub(super) async fn terminated() -> std::io::Result<()> {
+    tokio::signal::ctrl_c().await
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;

@@ -2,25 +2,19 @@
 
 use super::error::CommandError;
 use super::serve::block_on;
-use crate::delivery::trust;
+use crate::outbound::trust::UnusableCertificates;
+use crate::outbound::{self, Peer, trust};
 use clap::Args;
-use http_body_util::{BodyExt, Empty, Limited};
-use hyper::Request;
-use hyper::body::Bytes;
-use hyper::client::conn::http1;
-use hyper::header::HOST;
-use hyper_util::rt::TokioIo;
-use reqwest::Url;
+use hyper::Method;
+use rustls::ClientConfig;
+use rustls::pki_types::PrivateKeyDer;
 use rustls::pki_types::pem::PemObject;
-use rustls::pki_types::{CertificateDer, PrivateKeyDer, ServerName};
 use serde_json::Value;
 use std::fmt::Display;
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 use std::sync::Arc;
 use std::time::Duration;
-use tokio::io::{AsyncRead, AsyncWrite};
-use tokio::net::TcpStream;
-use tokio_rustls::TlsConnector;
+use url::Url;
 
 /// How long the server may take.
 const PATIENCE: Duration = Duration::from_secs(10);
@@ -76,83 +70,39 @@ async fn ask(arguments: &HealthArguments) -> Result<(u16, Value), CommandError> 
         ))
     };
     let url = Url::parse(&arguments.url).map_err(|error| no_address(&error))?;
-    let host = url.host_str().ok_or_else(|| no_address(&"it names none"))?;
-    let bare = host.trim_start_matches('[').trim_end_matches(']');
-    let port = url.port_or_known_default().unwrap_or(80);
-    let stream = TcpStream::connect((bare, port)).await;
-    let stream = stream.map_err(|error| silent(arguments, error))?;
-    match url.scheme() {
-        "http" => answer(stream, arguments, &url).await,
-        "https" => {
-            let name = ServerName::try_from(bare.to_owned()).map_err(|error| no_address(&error))?;
-            let agreed = connector(arguments)?.connect(name, stream).await;
-            let stream = agreed.map_err(|error| silent(arguments, error))?;
-            answer(stream, arguments, &url).await
-        }
-        _ => Err(no_address(&"it begins with neither http:// nor https://")),
+    if url.host_str().is_none() {
+        return Err(no_address(&"it names none"));
     }
-}
-
-async fn answer<S>(
-    stream: S,
-    arguments: &HealthArguments,
-    url: &Url,
-) -> Result<(u16, Value), CommandError>
-where
-    S: AsyncRead + AsyncWrite + Unpin + Send + 'static,
-{
-    let silent = |error: hyper::Error| silent(arguments, error);
-    let (mut sender, connection) = http1::handshake(TokioIo::new(stream))
-        .await
-        .map_err(silent)?;
-    tokio::spawn(connection);
-    let request = Request::get("/readyz").header(HOST, url.authority());
-    let request = request.body(Empty::<Bytes>::new());
-    let request = request.map_err(CommandError::failed)?;
-    let answer = sender.send_request(request).await.map_err(silent)?;
-    let status = answer.status().as_u16();
-    let body = Limited::new(answer.into_body(), LARGEST_ANSWER)
-        .collect()
-        .await;
-    let body = body.map_err(|error| CommandError::failed(error.to_string()))?;
-    Ok((
-        status,
-        serde_json::from_slice(&body.to_bytes()).unwrap_or_default(),
-    ))
-}
-
-fn connector(arguments: &HealthArguments) -> Result<TlsConnector, CommandError> {
-    let mut roots = trust::of_the_system();
-    if let Some(file) = &arguments.ca {
-        for authority in certificates(file)? {
-            roots
-                .add(authority)
-                .map_err(|error| unusable(file, &error))?;
-        }
+    if !["http", "https"].contains(&url.scheme()) {
+        return Err(no_address(&"it begins with neither http:// nor https://"));
     }
-    let builder = trust::client(roots);
-    let config = match &arguments.client_cert {
-        None => builder.with_no_client_auth(),
-        Some(file) => {
-            let chain = certificates(file)?;
-            let key = PrivateKeyDer::from_pem_file(file);
-            let key = key.map_err(|error| unusable(file, &error))?;
-            let config = builder.with_client_auth_cert(chain, key);
-            config.map_err(|error| unusable(file, &error))?
-        }
+    let url = url.join("/readyz").map_err(|error| no_address(&error))?;
+    let silent = |error| silent(arguments, error);
+    let addresses = outbound::resolve(&url).await.map_err(silent)?;
+    let peer = Peer {
+        url: &url,
+        addresses: &addresses,
+        tls: &Arc::new(tls(arguments)?),
     };
-    Ok(TlsConnector::from(Arc::new(config)))
+    let request = outbound::request(Method::GET, &url).body(String::new());
+    let request = request.map_err(CommandError::failed)?;
+    let answer = outbound::exchange(peer, request, LARGEST_ANSWER).await;
+    let answer = answer.map_err(silent)?;
+    let document = serde_json::from_slice(answer.body()).unwrap_or_default();
+    Ok((answer.status().as_u16(), document))
 }
 
-fn certificates(file: &Path) -> Result<Vec<CertificateDer<'static>>, CommandError> {
-    let chain = CertificateDer::pem_file_iter(file).and_then(Iterator::collect);
-    let chain: Vec<_> = chain.map_err(|error| unusable(file, &error))?;
-    match chain.is_empty() {
-        true => Err(unusable(file, &"it holds no certificate in PEM")),
-        false => Ok(chain),
-    }
-}
-
-fn unusable(file: &Path, why: &dyn Display) -> CommandError {
-    CommandError::failed(format!("{} cannot be used: {why}", file.display()))
+/// Whom the server is believed by, and what the client shows it.
+fn tls(arguments: &HealthArguments) -> Result<ClientConfig, CommandError> {
+    let roots = trust::of_the_system_and(arguments.ca.as_deref()).map_err(CommandError::failed)?;
+    let builder = trust::client(roots);
+    let Some(file) = &arguments.client_cert else {
+        return Ok(builder.with_no_client_auth());
+    };
+    let unusable =
+        |error: &dyn Display| CommandError::failed(UnusableCertificates::new(file, error));
+    let chain = trust::certificates(file).map_err(CommandError::failed)?;
+    let key = PrivateKeyDer::from_pem_file(file).map_err(|error| unusable(&error))?;
+    let config = builder.with_client_auth_cert(chain, key);
+    config.map_err(|error| unusable(&error))
 }

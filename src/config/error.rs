@@ -3,6 +3,8 @@
 use std::path::PathBuf;
 
 use crate::delivery::InvalidDestination;
+use crate::identity::InvalidProvider;
+use crate::outbound::trust::UnusableCertificates;
 use crate::store::AddressError;
 
 /// A setting that cannot be.
@@ -51,4 +53,18 @@ pub enum SettingsError {
     /// The length of a slice is not a time.
     #[error("a slice of {0} s is not between 0 and 3600 s")]
     Slice(f64),
+    /// The identity provider or the address of the page cannot be.
+    #[error(transparent)]
+    Provider(#[from] InvalidProvider),
+    /// The authorities of the identity provider cannot be used.
+    #[error(transparent)]
+    Authorities(#[from] UnusableCertificates),
+    /// The file with the secret of this server at the identity provider is of no use.
+    #[error("the file {} with the secret for the identity provider: {why}", path.display())]
+    ClientSecret {
+        /// The file.
+        path: PathBuf,
+        /// Why.
+        why: String,
+    },
 }

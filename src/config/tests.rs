@@ -105,7 +105,7 @@ fn proxies_and_roles_are_read() {
     assert_eq!(access.proxies.len(), 2);
     assert!(access.proxies[0].contains(&IpAddr::from([10, 0, 0, 7])));
     assert_eq!(access.user_header, "remote-user");
-    assert!(access.roles.of("operators").is_some());
+    assert!(access.roles.of(&["operators"]).is_some());
     let settings = parse(&["--trusted-proxy=gateway"]);
     let refused = settings.access().expect_err("a name is no address");
     assert_eq!(refused, SettingsError::Network("gateway".to_owned()));
@@ -134,4 +134,42 @@ fn a_slice_that_is_no_time_is_refused() {
         };
         assert!(matches!(settings.worker(), Err(SettingsError::Slice(_))));
     }
+}
+
+#[test]
+fn an_identity_provider_is_read_and_what_cannot_be_one_is_named() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let file = folder.path().join("secret");
+    let secret = format!("--oidc-client-secret-file={}", file.display());
+    let flags = |issuer: &'static str| {
+        [
+            issuer,
+            "--oidc-client-id=greybox",
+            "--public-url=https://greybox.plant.example",
+            "--oidc-scope=profile, roles",
+        ]
+    };
+    let with = |issuer| parse(&[&flags(issuer)[..], &[&*secret]].concat());
+    let settings = with("--oidc-issuer=https://login.plant.example/realms/plant");
+    let refused = settings.oidc.provider().expect_err("there is no file");
+    assert!(
+        refused.to_string().contains(&*file.to_string_lossy()),
+        "{refused}"
+    );
+    std::fs::write(&file, "s3cret\n").expect("a file");
+    let provider = settings.oidc.provider().expect("settings");
+    let provider = provider.expect("a provider");
+    assert_eq!(provider.issuer, "https://login.plant.example/realms/plant");
+    assert_eq!(provider.client_secret.as_deref(), Some("s3cret"));
+    assert_eq!(provider.scopes, ["profile", "roles"]);
+    let callback = "https://greybox.plant.example/v1/session/callback";
+    assert_eq!(provider.callback.as_str(), callback);
+    assert_eq!(settings.names(), Names::new(["greybox.plant.example"]));
+
+    let settings = with("--oidc-issuer=http://login.plant.example");
+    let refused = settings.oidc.provider().expect_err("it is in the clear");
+    assert!(matches!(refused, SettingsError::Provider(_)), "{refused}");
+    let alone = ["greybox", "--oidc-issuer=https://login.plant.example"];
+    assert!(Command::try_parse_from(alone).is_err());
+    assert!(parse(&[]).oidc.provider().expect("settings").is_none());
 }

@@ -1,26 +1,16 @@
 //! One request to a receiver: its name is resolved once, every address that it stands for is looked
-//! at, and the connection goes to one of those. Redirects are not followed.
+//! at, and the connection goes to one of those.
 
 use std::net::SocketAddr;
 use std::sync::{Arc, LazyLock};
-use std::time::Duration;
 
-use hyper::Request;
-use hyper::client::conn::http1;
-use hyper::header::{CONTENT_TYPE, HOST, USER_AGENT};
-use hyper_util::rt::TokioIo;
+use hyper::header::CONTENT_TYPE;
+use hyper::{Method, Request};
 use rustls::ClientConfig;
-use rustls::pki_types::ServerName;
-use tokio::io::{AsyncRead, AsyncWrite};
-use tokio::net::TcpStream;
-use tokio_rustls::TlsConnector;
 use url::Url;
 
 use super::destination::{Destinations, RefusedDestination};
-use super::trust;
-
-/// How long a receiver may take to take the connection.
-const LONGEST_CONNECT: Duration = Duration::from_secs(5);
+use crate::outbound::{self, Peer, trust};
 
 /// What is sent.
 pub(super) struct Message {
@@ -82,31 +72,29 @@ impl Exchange {
         Self { destinations }
     }
 
-    /// Sends a message; answers the status with which it was taken.
+    /// Sends a message; answers the status with which it was taken. What the receiver says beside its status is not
+    /// read.
     pub(super) async fn post(&self, url: &Url, message: Message) -> Result<u16, Failure> {
-        let host = url.host_str().unwrap_or_default();
-        let bare = host.trim_start_matches('[').trim_end_matches(']');
-        let port = url.port_or_known_default().unwrap_or(443);
-        let addresses = self.resolve(bare, port).await?;
-        let connecting = TcpStream::connect(&addresses[..]);
-        let stream = tokio::time::timeout(LONGEST_CONNECT, connecting).await;
-        let stream = stream.map_err(|_| other("the receiver takes no connection"))?;
-        let stream = stream.map_err(other)?;
-        let request = request(url, host, message)?;
-        if url.scheme() == "https" {
-            let name = ServerName::try_from(bare.to_owned()).map_err(other)?;
-            let connector = TlsConnector::from(Arc::clone(&TRUSTED));
-            let stream = connector.connect(name, stream).await.map_err(other)?;
-            answered(stream, request).await
+        let addresses = self.resolve(url).await?;
+        let peer = Peer {
+            url,
+            addresses: &addresses,
+            tls: &TRUSTED,
+        };
+        let answer = outbound::exchange(peer, request(url, message)?, 0).await;
+        let status = answer.map_err(other)?.status();
+        if status.is_success() {
+            Ok(status.as_u16())
+        } else if status.is_redirection() {
+            Err(Failure::Redirect(status.as_u16()))
         } else {
-            answered(stream, request).await
+            Err(Failure::Status(status.as_u16()))
         }
     }
 
     /// The addresses that a name stands for now. One of the inside among others is a trap, too.
-    async fn resolve(&self, name: &str, port: u16) -> Result<Vec<SocketAddr>, Failure> {
-        let addresses = tokio::net::lookup_host((name, port)).await;
-        let addresses: Vec<SocketAddr> = addresses.map_err(other)?.collect();
+    async fn resolve(&self, url: &Url) -> Result<Vec<SocketAddr>, Failure> {
+        let addresses = outbound::resolve(url).await.map_err(other)?;
         for address in &addresses {
             let checked = self.destinations.check_address(address.ip());
             checked.map_err(Failure::Refused)?;
@@ -115,51 +103,14 @@ impl Exchange {
     }
 }
 
-fn request(url: &Url, host: &str, message: Message) -> Result<Request<String>, Failure> {
-    let authority = match url.port() {
-        Some(port) => format!("{host}:{port}"),
-        None => host.to_owned(),
-    };
-    let path = match url.query() {
-        Some(query) => format!("{}?{query}", url.path()),
-        None => url.path().to_owned(),
-    };
-    Request::post(path)
-        .header(HOST, authority)
-        .header(USER_AGENT, concat!("greybox/", env!("CARGO_PKG_VERSION")))
+fn request(url: &Url, message: Message) -> Result<Request<String>, Failure> {
+    outbound::request(Method::POST, url)
         .header(CONTENT_TYPE, "application/json")
         .header("webhook-id", message.id)
         .header("webhook-timestamp", message.at)
         .header("webhook-signature", message.signature)
         .body(message.body)
         .map_err(other)
-}
-
-async fn answered<S>(stream: S, request: Request<String>) -> Result<u16, Failure>
-where
-    S: AsyncRead + AsyncWrite + Unpin + Send + 'static,
-{
-    let (mut sender, connection) = http1::handshake(TokioIo::new(stream))
-        .await
-        .map_err(other)?;
-    let answer = sender.send_request(request);
-    tokio::pin!(connection, answer);
-    // What the receiver says beside its status is not read.
-    let answer = tokio::select! {
-        answer = &mut answer => answer.map_err(other)?,
-        ended = &mut connection => match ended {
-            Ok(()) => answer.await.map_err(other)?,
-            Err(error) => return Err(other(error)),
-        },
-    };
-    let status = answer.status();
-    if status.is_success() {
-        Ok(status.as_u16())
-    } else if status.is_redirection() {
-        Err(Failure::Redirect(status.as_u16()))
-    } else {
-        Err(Failure::Status(status.as_u16()))
-    }
 }
 
 #[cfg(test)]

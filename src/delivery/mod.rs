@@ -8,7 +8,6 @@
 mod destination;
 mod exchange;
 mod signature;
-pub mod trust;
 
 use std::sync::Arc;
 use std::time::Duration;

@@ -94,7 +94,7 @@ pub use quotas::Quotas;
 pub use results::{Results, StoredResult};
 pub use retention::{Retention, Tidied};
 pub use sealed::check::Checked;
-pub use sessions::Sessions;
+pub use sessions::{NewHolder, PersonRow, SessionHolder, Sessions};
 pub use slices::{Begin, Ending, HandedOn, Hold, Lease, Record, Reported, Slice, Slices};
 pub use stop_request::StopRequest;
 pub use stored_bytes::StoredBytes;

@@ -1,18 +1,59 @@
-//! Sessions of people at the page: begun with a token, whose end is theirs too.
+//! Sessions of people at the page: begun with a token, whose end is theirs too, or at the identity provider.
 
 use std::sync::Arc;
 
 use jiff::Timestamp;
+use sqlx::FromRow;
 
-use super::columns::time;
+use super::columns::{from_json, json, time};
 use super::shared_database::Database;
 use super::tokens::{TokenColumns, TokenRow};
 use super::writer::in_transaction;
-use super::{StoreError, database};
+use super::{StoreError, corrupt, database};
 use crate::access::Digest;
 
-/// Sessions of one token that are kept; one more takes the place of the oldest.
-const MOST_OF_A_TOKEN: i64 = 100;
+/// Sessions of one token or one person that are kept; one more takes the place of the oldest.
+const MOST_OF_A_HOLDER: i64 = 100;
+
+/// Who begins a session.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub enum NewHolder {
+    /// Whoever has the token of a number.
+    Token(i64),
+    /// A person whom the identity provider knows.
+    Person(PersonRow),
+}
+
+/// A person whom the identity provider knows.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct PersonRow {
+    /// The name of the person.
+    pub name: String,
+    /// The groups that the person was in when the session began.
+    pub groups: Vec<String>,
+}
+
+/// Whose session it is.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub enum SessionHolder {
+    /// Of a token, valid or not. The token ends when the session does.
+    Token(TokenRow),
+    /// Of a person.
+    Person {
+        /// The person.
+        person: PersonRow,
+        /// When the session ends.
+        expires_at: Timestamp,
+    },
+}
+
+#[derive(FromRow)]
+struct SessionColumns {
+    token: Option<i64>,
+    person: Option<String>,
+    in_groups: Option<String>,
+    expires_at: String,
+}
 
 /// Sessions of people at the page.
 #[derive(Clone)]
@@ -21,31 +62,40 @@ pub struct Sessions {
 }
 
 impl Sessions {
-    /// Begins a session of a token; those that are over go.
+    /// Begins a session; those that are over go.
     pub async fn begin(
         &self,
-        token: i64,
+        holder: NewHolder,
         digest: Digest,
         expires_at: Timestamp,
     ) -> Result<(), StoreError> {
         let now = Timestamp::now().to_string();
+        let (token, person) = match holder {
+            NewHolder::Token(token) => (Some(token), None),
+            NewHolder::Person(person) => (None, Some(person)),
+        };
+        let groups = person.as_ref().map(|person| json(&person.groups));
+        let name = person.map(|person| person.name);
         in_transaction!(self.database, |tx| async move {
             database::query(
                 "delete from sessions where expires_at < $1 or digest in \
-                         (select digest from sessions where token = $2 \
-                          order by created_at desc limit 9223372036854775807 offset $3)",
+                         (select digest from sessions where token = $2 or person = $3 \
+                          order by created_at desc limit 9223372036854775807 offset $4)",
             )
             .bind(&now)
             .bind(token)
-            .bind(MOST_OF_A_TOKEN - 1)
+            .bind(name.clone())
+            .bind(MOST_OF_A_HOLDER - 1)
             .execute(&mut **tx)
             .await?;
             database::query(
-                "insert into sessions (digest, token, created_at, expires_at) \
-                         values ($1, $2, $3, $4)",
+                "insert into sessions (digest, token, person, in_groups, created_at, expires_at) \
+                         values ($1, $2, $3, $4, $5, $6)",
             )
             .bind(digest.as_str())
             .bind(token)
+            .bind(name)
+            .bind(groups)
             .bind(&now)
             .bind(expires_at.to_string())
             .execute(&mut **tx)
@@ -55,16 +105,41 @@ impl Sessions {
         .await
     }
 
-    /// The token of a session, valid or not. It ends when the session does.
-    pub async fn find(&self, digest: &Digest) -> Result<Option<TokenRow>, StoreError> {
-        let session: Option<(i64, String)> =
-            database::query_as("select token, expires_at from sessions where digest = $1")
-                .bind(digest.as_str())
-                .fetch_optional(&self.database.readers)
-                .await?;
-        let Some((token, ends)) = session else {
+    /// Whose session it is; nothing where there is none, or where its token is gone.
+    pub async fn find(&self, digest: &Digest) -> Result<Option<SessionHolder>, StoreError> {
+        let session: Option<SessionColumns> = database::query_as(
+            "select token, person, in_groups, expires_at from sessions where digest = $1",
+        )
+        .bind(digest.as_str())
+        .fetch_optional(&self.database.readers)
+        .await?;
+        let Some(session) = session else {
             return Ok(None);
         };
+        let of = digest.as_str();
+        let expires_at = time(of, &session.expires_at)?;
+        match session {
+            SessionColumns {
+                token: Some(token), ..
+            } => self.of_token(token, expires_at).await,
+            SessionColumns {
+                person: Some(name),
+                in_groups: Some(groups),
+                ..
+            } => {
+                let groups = from_json("in_groups", of, &groups)?;
+                let person = PersonRow { name, groups };
+                Ok(Some(SessionHolder::Person { person, expires_at }))
+            }
+            _ => Err(corrupt("session", of, "it is of nobody")),
+        }
+    }
+
+    async fn of_token(
+        &self,
+        token: i64,
+        ends: Timestamp,
+    ) -> Result<Option<SessionHolder>, StoreError> {
         let row: Option<TokenColumns> = database::query_as(
             "select id, name, scope, streams, project, created_at, expires_at, revoked_at, \
              last_used_at from tokens where id = $1",
@@ -75,9 +150,8 @@ impl Sessions {
         let Some(row) = row.map(TokenColumns::read).transpose()? else {
             return Ok(None);
         };
-        let ends = time(&row.name, &ends)?;
         let expires_at = Some(row.expires_at.map_or(ends, |end| end.min(ends)));
-        Ok(Some(TokenRow { expires_at, ..row }))
+        Ok(Some(SessionHolder::Token(TokenRow { expires_at, ..row })))
     }
 
     /// Ends a session.

@@ -149,7 +149,7 @@ impl TestApp {
         change(&mut settings);
         Self {
             app: App::start(settings).await.unwrap(),
-            client: reqwest::Client::new(),
+            client: client(),
             home,
         }
     }
@@ -256,14 +256,25 @@ impl TestApp {
 
     /// The server after it was stopped and started again.
     pub async fn restarted(self) -> Self {
+        self.restarted_with(|_settings| ()).await
+    }
+
+    /// The server after it was stopped and started again with other settings.
+    pub async fn restarted_with(self, change: impl FnOnce(&mut Settings)) -> Self {
         self.app.shutdown().await;
-        Self::at(self.home, |_settings| ()).await
+        Self::at(self.home, change).await
     }
 
     /// Stops the server in order.
     pub async fn shutdown(self) {
         self.app.shutdown().await;
     }
+}
+
+/// A client that shows redirects and does not follow them.
+fn client() -> reqwest::Client {
+    let client = reqwest::Client::builder().redirect(reqwest::redirect::Policy::none());
+    client.build().unwrap()
 }
 
 /// A token that does not end: its name, scope and project.

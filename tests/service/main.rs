@@ -54,6 +54,7 @@ mod origin;
 mod quotas;
 mod selections;
 mod sessions;
+mod sign_in;
 mod sinks;
 mod sinks_access;
 

@@ -17,11 +17,12 @@ mod setup;
 mod tables;
 
 pub use facts::{GenerationCosts, RecordingFacts, Report};
+pub use html::escape;
 
 use crate::identification::JobSpec;
 use crate::identification::outcome::{NextStep, Outcome, Trust};
 use greybox_simulation::model::ModelDescription;
-use html::{escape, push};
+use html::push;
 use residuals::Diagnostics;
 use serde::Serialize;
 use utoipa::ToSchema;

@@ -24,6 +24,14 @@ async function problemOf(response) {
 export const SIGNED_OUT = "greybox-signed-out";
 /** @type {string | null} */
 let csrfToken = null;
+/** @type {string | null} */
+let wayIn = null;
+
+/**
+ * Where a reader whom the server does not know signs in at the identity provider of the plant; null where there is
+ * none.
+ */
+export const identityProvider = () => wayIn;
 
 /**
  * What requests that change something bring from now on.
@@ -52,6 +60,9 @@ export async function request(method, path, { body, headers = {}, signal } = {})
       throw error;
     }
     throw new Problem(0, { title: "No answer", detail: "The server cannot be reached." });
+  }
+  if (response.status === 401) {
+    wayIn = /<([^>]+)>; rel="sign-in"/.exec(response.headers.get("link") ?? "")?.[1] ?? null;
   }
   if (response.status === 401 && path !== "/v1/session") {
     dispatchEvent(new Event(SIGNED_OUT));

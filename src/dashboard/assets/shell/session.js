@@ -1,19 +1,36 @@
-// This module handles the session of the reader. Where the server asks for a token, the form takes it
-// once, and a cookie that no script can read stands for it from then on; the page keeps neither.
+// This module handles the session of the reader. Where the server asks who calls, the reader signs in at the identity
+// provider of the plant, where the server has one, or the form takes a token once. A cookie that no script can read
+// stands for either from then on; the page keeps neither.
 
-import { bringCsrfToken, get, send } from "./api.js";
+import { bringCsrfToken, get, identityProvider, send } from "./api.js";
 import { h, notice } from "./dom.js";
 
 const SESSION = "/v1/session";
+// The view that the reader left for the identity provider.
+const LEFT = "greybox-left-view";
 
 // Asks the server for the session and shows it; answers whether the reader may look at the page.
 export async function isKnown() {
   try {
     greet((await get(SESSION)).data);
+    goBack();
     return true;
   } catch (problem) {
     greet(null);
     return problem.status !== 401;
+  }
+}
+
+function leave() {
+  sessionStorage.setItem(LEFT, location.hash);
+  location.assign(identityProvider());
+}
+
+function goBack() {
+  const view = sessionStorage.getItem(LEFT);
+  sessionStorage.removeItem(LEFT);
+  if (view && !location.hash) {
+    history.replaceState(null, "", view);
   }
 }
 
@@ -38,6 +55,7 @@ async function signOut() {
 
 export function showSignIn(root, begin) {
   const outcome = notice();
+  const wayIn = identityProvider();
   const token = h("input", {
     type: "password",
     name: "token",
@@ -46,7 +64,11 @@ export function showSignIn(root, begin) {
     autocomplete: "current-password",
     spellcheck: "false",
   });
-  const button = h("button", { type: "submit", class: "primary" }, "Sign in");
+  const button = h(
+    "button",
+    { type: "submit", class: wayIn ? "" : "primary" },
+    wayIn ? "Sign in with the token" : "Sign in",
+  );
   const submit = async (event) => {
     event.preventDefault();
     button.disabled = true;
@@ -72,8 +94,19 @@ export function showSignIn(root, begin) {
       {},
       "This server asks who you are. Whoever runs it makes tokens with ",
       h("code", {}, "greybox token create"),
-      ".",
+      wayIn ? ", and people sign in with their account of the plant." : ".",
     ),
+    wayIn
+      ? h(
+          "p",
+          {},
+          h(
+            "button",
+            { type: "button", class: "primary", id: "way-in", onclick: leave },
+            "Sign in with your account",
+          ),
+        )
+      : "",
     h("form", { class: "sign-in fields", onsubmit: submit }, h("label", {}, "Token", token), button),
     outcome.place,
   );
