@@ -324,6 +324,7 @@ mod tests {
             let text = text.replace("http://www.w3.org/", "");
             let text = text.replace("https://mes.plant.example", "");
             let text = text.replace("https://greybox.plant.example", "");
+            let text = text.replace("https://login.plant.example", "");
             let text = text.replace("https://telegraf:gbx_…@greybox.plant.example", "");
             assert!(
                 !text.contains("http://") && !text.contains("https://"),
