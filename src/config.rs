@@ -10,6 +10,7 @@ pub mod tls;
 
 use std::net::{Ipv4Addr, SocketAddr};
 use std::num::NonZeroUsize;
+use std::path::PathBuf;
 use std::time::Duration;
 
 use axum::http::HeaderName;
@@ -20,7 +21,7 @@ use crate::api::Limits;
 use crate::api::access::AccessSettings;
 use crate::api::origin::Names;
 use crate::delivery::Destinations;
-use crate::store::{DatabaseSettings, Quotas, Retention};
+use crate::store::{DatabaseSettings, Quotas, Retention, SecretKeys};
 use crate::worker::WorkerSettings;
 
 pub use database::DatabaseArguments;
@@ -70,6 +71,11 @@ pub struct Settings {
     /// Which database
     #[command(flatten)]
     pub database: DatabaseArguments,
+
+    /// A file with the keys under which secrets of webhooks stand in the database, 64 hexadecimal digits on a line:
+    /// the first encrypts, every one decrypts [default: they stand as they are]
+    #[arg(long, env = "GREYBOX_SECRET_KEYS_FILE", value_name = "FILE")]
+    pub secret_keys_file: Option<PathBuf>,
 
     /// Threads that compute [default: one for each processor]
     #[arg(long, env = "GREYBOX_THREADS")]
@@ -339,6 +345,7 @@ impl Default for Settings {
         Self {
             listen: default_listen(),
             database: DatabaseArguments::default(),
+            secret_keys_file: None,
             threads: None,
             jobs_at_once: None,
             slice_s: 10.0,
@@ -393,6 +400,10 @@ impl Settings {
             readers: READERS,
             busy_timeout: BUSY_TIMEOUT,
             beat: Duration::from_secs_f64(self.node_beat_s),
+            keys: match &self.secret_keys_file {
+                Some(file) => SecretKeys::of_file(file)?,
+                None => SecretKeys::default(),
+            },
         })
     }
 

@@ -98,13 +98,13 @@ const PLACES: &[(&str, &[&str])] = &[
     ("hyper_util", &["src/app", "src/outbound"]),
     // The address of a PostgreSQL is a URL too.
     ("url", &["src/cli", "src/delivery", "src/identity", "src/outbound", "src/store/postgres_address.rs"]),
-    ("ring", &["src/identity"]),
+    ("ring", &["src/identity", "src/store/secret_keys.rs"]),
     ("rustls", &["src/app", "src/cli", "src/delivery", "src/identity", "src/outbound"]),
     ("tokio_rustls", &["src/app", "src/outbound"]),
     ("rustls_native_certs", &["src/outbound"]),
     ("hmac", &["src/delivery"]),
     // Clients of InfluxDB send their password in it.
-    ("base64", &["src/delivery", "src/identity", "src/api/sinks/credentials.rs"]),
+    ("base64", &["src/delivery", "src/identity", "src/store/secret_keys.rs", "src/api/sinks/credentials.rs"]),
     ("tokio_io_timeout", &["src/app"]),
     ("http_body", &["src/api"]),
     ("http_body_util", &["src/outbound"]),

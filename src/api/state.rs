@@ -204,6 +204,7 @@ pub(crate) mod tests {
             readers: 1,
             busy_timeout: Duration::from_secs(5),
             beat: Duration::from_millis(50),
+            keys: Default::default(),
         };
         let store = Store::open(&settings, hub.on_change()).await;
         let state = ApiState::new(Parts {

@@ -5,7 +5,7 @@ use std::path::PathBuf;
 use crate::delivery::InvalidDestination;
 use crate::identity::InvalidProvider;
 use crate::outbound::trust::UnusableCertificates;
-use crate::store::AddressError;
+use crate::store::{AddressError, InvalidSecretKeys};
 
 /// A setting that cannot be.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
@@ -35,6 +35,9 @@ pub enum SettingsError {
     /// Only a file can be meant.
     #[error("{0} is not a file; PostgreSQL has its own tools for this: pg_dump, pg_restore")]
     NotAFile(String),
+    /// The file with the keys for secrets is of no use.
+    #[error(transparent)]
+    SecretKeys(#[from] InvalidSecretKeys),
     /// How often a node says that it lives cannot be.
     #[error("a server may say every 0.02 s to 60 s that it lives, not every {0} s")]
     NodeBeat(f64),

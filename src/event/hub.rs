@@ -264,6 +264,7 @@ mod tests {
             readers: 2,
             busy_timeout: Duration::from_secs(5),
             beat: Duration::from_millis(50),
+            keys: Default::default(),
         };
         let hub = EventHub::new();
         let store = Store::open(&settings, hub.on_change()).await;

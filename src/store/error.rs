@@ -92,6 +92,15 @@ pub enum StoreError {
     /// The queue's schema could not be brought up to date.
     #[error("the schema of the queue could not be brought up to date: {0}")]
     QueueMigration(#[from] riverqueue::migrate::Error),
+    /// A secret is encrypted under a key that the server does not have.
+    #[error(
+        "the database has secrets that are encrypted under the key {id}, which the server does not have: name the \
+         file with the key (--secret-keys-file)"
+    )]
+    SecretKey {
+        /// What names the key.
+        id: String,
+    },
     /// Another server has the database.
     #[error("the database {database} is in use by another greybox server")]
     Locked {

@@ -206,6 +206,7 @@ impl Store {
             damage: Damage::default(),
             life,
             opened: Instant::now(),
+            keys: settings.keys.clone(),
             folder,
             _lock: lock,
         });
@@ -238,6 +239,7 @@ impl Store {
             exchange: tokio::sync::Mutex::new(exchange),
             closing,
         }));
+        store.webhooks().encrypt_anew().await?;
         store.queue().recover().await?;
         Ok(store)
     }

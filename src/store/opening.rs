@@ -11,7 +11,7 @@ use super::database::postgres::{self, Use};
 use super::database::{Losses, Pool, sqlite};
 use super::lock::FileLock;
 use super::postgres_address::{self, AddressError};
-use super::{StoreError, corrupt, private_file};
+use super::{SecretKeys, StoreError, corrupt, private_file};
 
 /// Connections to PostgreSQL of the writer and of the queue.
 const WRITERS: u32 = 4;
@@ -69,6 +69,8 @@ pub struct DatabaseSettings {
     pub busy_timeout: Duration,
     /// How often a node of a PostgreSQL says that it lives.
     pub beat: Duration,
+    /// The keys under which secrets stand in the database.
+    pub keys: SecretKeys,
 }
 
 /// A database that is up to date.
@@ -130,6 +132,7 @@ impl DatabaseSettings {
             readers: 2,
             busy_timeout: PATIENCE_OF_A_COMMAND,
             beat: Duration::MAX,
+            keys: SecretKeys::default(),
         }
     }
 }

@@ -7,6 +7,7 @@ use std::time::Instant;
 use super::damage::Damage;
 use super::database::Pool;
 use super::lock::FileLock;
+use super::secret_keys::SecretKeys;
 use super::writer::Writer;
 
 /// The database of a server, as every handle works with it.
@@ -23,6 +24,8 @@ pub(super) struct Database {
     pub(super) life: i64,
     /// When the life began: a job that took servers down waits until the server has been up for a while.
     pub(super) opened: Instant,
+    /// The keys under which secrets stand in the database.
+    pub(super) keys: SecretKeys,
     /// Temporary files lie in the folder of the database.
     pub(super) folder: PathBuf,
     /// Keeps other servers from a file for as long as a handle is there.

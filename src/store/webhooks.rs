@@ -9,7 +9,7 @@ use super::columns::{self, from_json, project, time};
 use super::database::{self, QueryBuilder};
 use super::shared_database::Database;
 use super::writer::in_transaction;
-use super::{StoreError, corrupt};
+use super::{SecretKeys, StoreError, corrupt};
 use crate::access::Project;
 use crate::job::WebhookId;
 
@@ -44,17 +44,27 @@ struct WebhookColumns {
 }
 
 impl WebhookColumns {
-    fn read(self) -> Result<WebhookRow, StoreError> {
+    fn read(self, keys: &SecretKeys) -> Result<WebhookRow, StoreError> {
         let of = &self.id;
         Ok(WebhookRow {
+            url: keys.decrypt(&place_of_url(of), &self.url)?,
+            secret: keys.decrypt(&place_of_secret(of), &self.secret)?,
             project: project(of, &self.project)?,
             events: from_json("events", of, &self.events)?,
             created_at: time(of, &self.created_at)?,
             id: of.parse().map_err(|why| corrupt("identifier", of, why))?,
-            url: self.url,
-            secret: self.secret,
         })
     }
+}
+
+/// The place of a webhook's secret, for the key.
+fn place_of_secret(id: &str) -> String {
+    format!("the secret of the webhook {id}")
+}
+
+/// The place of a webhook's address, for the key: what its query holds may be a secret of the receiver.
+fn place_of_url(id: &str) -> String {
+    format!("the address of the webhook {id}")
 }
 
 const WEBHOOK: &str = "select id, project, url, events, secret, created_at from webhooks";
@@ -69,6 +79,9 @@ impl Webhooks {
     /// Stores a place that events are delivered to. Says whether the place was stored: not where its project has
     /// [`MAX_WEBHOOKS`] already.
     pub async fn insert(&self, new: WebhookRow) -> Result<bool, StoreError> {
+        let (id, keys) = (new.id.to_string(), &self.database.keys);
+        let url = keys.encrypt(&place_of_url(&id), &new.url)?;
+        let secret = keys.encrypt(&place_of_secret(&id), &new.secret)?;
         in_transaction!(self.database, |tx| async move {
             let webhooks: i64 =
                 database::query_scalar("select count(*) from webhooks where project = $1")
@@ -82,11 +95,11 @@ impl Webhooks {
                 "insert into webhooks (id, project, url, events, secret, created_at) \
                          values ($1, $2, $3, $4, $5, $6)",
             )
-            .bind(new.id.to_string())
+            .bind(id)
             .bind(new.project.as_str())
-            .bind(new.url)
+            .bind(url)
             .bind(columns::json(&new.events))
-            .bind(new.secret)
+            .bind(secret)
             .bind(new.created_at.to_string())
             .execute(&mut **tx)
             .await?;
@@ -104,7 +117,8 @@ impl Webhooks {
             .build_query_as()
             .fetch_all(&self.database.readers)
             .await?;
-        rows.into_iter().map(WebhookColumns::read).collect()
+        let keys = &self.database.keys;
+        rows.into_iter().map(|row| row.read(keys)).collect()
     }
 
     /// A place, if there is one.
@@ -115,7 +129,48 @@ impl Webhooks {
             .build_query_as()
             .fetch_optional(&self.database.readers)
             .await?;
-        row.map(WebhookColumns::read).transpose()
+        row.map(|row| row.read(&self.database.keys)).transpose()
+    }
+
+    /// Encrypts what is stored as it is or under an older key, where the server has keys.
+    ///
+    /// # Errors
+    /// Something is encrypted under a key that the server does not have.
+    pub(super) async fn encrypt_anew(&self) -> Result<(), StoreError> {
+        let rows: Vec<WebhookColumns> = database::query_as(WEBHOOK)
+            .fetch_all(&self.database.readers)
+            .await?;
+        let keys = &self.database.keys;
+        for row in rows {
+            let is_current = keys.is_current(&row.url) && keys.is_current(&row.secret);
+            let (old_url, old_secret) = (row.url.clone(), row.secret.clone());
+            let WebhookRow {
+                id, url, secret, ..
+            } = row.read(keys)?;
+            if is_current {
+                continue;
+            }
+            let id = id.to_string();
+            let url = keys.encrypt(&place_of_url(&id), &url)?;
+            let secret = keys.encrypt(&place_of_secret(&id), &secret)?;
+            in_transaction!(self.database, |tx| async move {
+                // Another node may have done the same meanwhile.
+                database::query(
+                    "update webhooks set url = $1, secret = $2 \
+                             where id = $3 and url = $4 and secret = $5",
+                )
+                .bind(url)
+                .bind(secret)
+                .bind(id)
+                .bind(old_url)
+                .bind(old_secret)
+                .execute(&mut **tx)
+                .await?;
+                Ok(())
+            })
+            .await?;
+        }
+        Ok(())
     }
 
     /// Forgets a place and what is on its way there. Says whether there was one.

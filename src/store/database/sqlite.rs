@@ -98,6 +98,8 @@ pub(in crate::store) fn options(path: &Path, busy_timeout: Duration) -> SqliteCo
         .journal_mode(SqliteJournalMode::Wal)
         .synchronous(SqliteSynchronous::Full)
         .foreign_keys(true)
+        // What is removed from a page that is written anyway does not stay in the page.
+        .pragma("secure_delete", "fast")
         .busy_timeout(busy_timeout)
         .statement_cache_capacity(256)
 }

@@ -15,6 +15,7 @@ mod life;
 mod long_streams;
 mod nodes;
 mod retention;
+mod secrets;
 mod slices;
 mod streams;
 mod upgrades;
@@ -90,6 +91,7 @@ impl Fixture {
             readers: 2,
             busy_timeout: Duration::from_secs(5),
             beat: Duration::from_millis(50),
+            keys: Default::default(),
         };
         let changes = Arc::new(Mutex::new(Vec::new()));
         let store = open(&settings, &changes).await;
@@ -197,16 +199,23 @@ impl Fixture {
 
 /// Opens a database. A program that another test is just starting holds every open file of this one, the lock of a
 /// database that was closed among them, until it runs.
-async fn open(settings: &DatabaseSettings, changes: &Arc<Mutex<Vec<Change>>>) -> Store {
+async fn try_to_open(
+    settings: &DatabaseSettings,
+    changes: &Arc<Mutex<Vec<Change>>>,
+) -> Result<Store, StoreError> {
     let deadline = Instant::now() + Duration::from_secs(10);
     loop {
         let changes = changes.clone();
         let on_change = Arc::new(move |change| changes.lock().expect("unpoisoned").push(change));
         match Store::open(settings, on_change).await {
             Err(StoreError::Locked { .. }) if Instant::now() < deadline => std::thread::yield_now(),
-            opened => return opened.expect("a database"),
+            opened => return opened,
         }
     }
+}
+
+async fn open(settings: &DatabaseSettings, changes: &Arc<Mutex<Vec<Change>>>) -> Store {
+    try_to_open(settings, changes).await.expect("a database")
 }
 
 fn job(key: Option<(&str, &str)>) -> NewJob {

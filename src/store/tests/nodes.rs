@@ -154,6 +154,7 @@ async fn servers_that_begin_together_on_an_empty_database_all_do() {
         readers: 1,
         busy_timeout: Duration::from_secs(5),
         beat: Duration::from_millis(200),
+        keys: Default::default(),
     };
     let openings = (0..6).map(|_| {
         let settings = settings.clone();

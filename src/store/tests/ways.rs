@@ -49,6 +49,7 @@ fn settings(address: &str) -> DatabaseSettings {
         readers: 2,
         busy_timeout: Duration::from_secs(5),
         beat: Duration::from_millis(50),
+        keys: Default::default(),
     }
 }
 
