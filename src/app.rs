@@ -2,6 +2,7 @@
 
 mod addresses;
 mod connections;
+pub mod doctor;
 mod system;
 mod tls;
 

@@ -8,6 +8,7 @@ mod client;
 mod compare;
 mod database;
 mod demo;
+mod doctor;
 mod error;
 mod estimate;
 mod event_stream;
@@ -64,6 +65,8 @@ enum Command {
     Token(token::Command),
     /// Print the description of the HTTP API, OpenAPI 3.1
     Openapi,
+    /// Say what a server would meet that is started with the same settings: limits, disk, database, certificates
+    Doctor(Box<doctor::DoctorArguments>),
     /// Ask a server whether it is ready
     Health(health::HealthArguments),
     /// Print what makes a shell complete the commands
@@ -98,6 +101,7 @@ fn run(command: Command) -> Result<(), CommandError> {
         Command::Check(arguments) => database::check(&arguments),
         Command::Token(command) => token::run(&command),
         Command::Openapi => files::write(None, &openapi()),
+        Command::Doctor(arguments) => doctor::doctor(&arguments),
         Command::Health(arguments) => health::health(arguments),
         Command::Completions(arguments) => manual::completions(&arguments, CommandLine::command()),
         Command::Man(arguments) => manual::man(&arguments, CommandLine::command()),

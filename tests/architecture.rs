@@ -30,7 +30,7 @@ const CRATES: [Crate; 5] = [
         // database of one that does not run.
         ("cli", &["app", "config", "api", "access", "outbound", "store", "span", "job"]),
         // The composition root; only the command line imports it.
-        ("app", &["config", "api", "dashboard", "delivery", "identity", "job", "store", "event", "watcher", "worker"]),
+        ("app", &["access", "config", "api", "dashboard", "delivery", "identity", "job", "store", "event", "watcher", "worker"]),
         // Settings are handed to the parts as the parts' own types.
         ("config", &["api", "access", "delivery", "identity", "outbound", "store", "worker"]),
         ("api", &["access", "admission", "dashboard", "delivery", "event", "identity", "span", "monitor", "store", "job"]),
@@ -112,6 +112,7 @@ const PLACES: &[(&str, &[&str])] = &[
     ("getrandom", &["src/access", "src/delivery"]),
     // Connections are files.
     ("rlimit", &["src/app"]),
+    ("rustix", &["src/app/system.rs"]),
     ("tower", &["src/api", "src/dashboard", "src/app"]),
     ("tower_http", &["src/api", "src/dashboard", "src/app"]),
     ("utoipa_axum", &["src/api"]),
@@ -128,7 +129,7 @@ const PLACES: &[(&str, &[&str])] = &[
     ("opentelemetry_sdk", &["src/cli/telemetry.rs"]),
     ("tracing_opentelemetry", &["src/span.rs", "src/cli/telemetry.rs"]),
     // Where samples are put aside on their way into the database.
-    ("tempfile", &["src/store"]),
+    ("tempfile", &["src/app/doctor.rs", "src/store"]),
     // Settings are flags as well as variables.
     ("clap", &["src/cli", "src/config"]),
     ("clap_complete", &["src/cli"]),

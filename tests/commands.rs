@@ -1,5 +1,8 @@
 //! The commands as a user types them: files in, files and exit codes out.
 
+#[path = "commands/doctor.rs"]
+mod doctor;
+
 use greybox::identification::Outcome;
 use serde_json::{Value, json};
 use std::io::{BufRead, BufReader};

@@ -121,13 +121,13 @@ pub async fn sign_in(
 }
 
 /// A session that has begun.
-struct Begun {
+struct BegunSession {
     secret: Secret,
     ends: Timestamp,
     life_s: i64,
 }
 
-impl Begun {
+impl BegunSession {
     /// Has the browser keep the cookie of the session.
     fn keep(&self, headers: &mut HeaderMap, is_secure: bool) {
         SESSION.keep(headers, &self.secret, self.life_s, is_secure);
@@ -140,7 +140,7 @@ async fn begin(
     headers: &HeaderMap,
     holder: NewHolder,
     at_most: Option<Timestamp>,
-) -> Answer<Begun> {
+) -> Answer<BegunSession> {
     end(callers, headers).await?;
     let secret = new_secret()?;
     let now = Timestamp::now();
@@ -149,7 +149,7 @@ async fn begin(
     let digest = secret.session_digest();
     callers.sessions.begin(holder, digest, ends).await?;
     let life_s = ends.duration_since(now).as_secs();
-    Ok(Begun {
+    Ok(BegunSession {
         secret,
         ends,
         life_s,

@@ -1,6 +1,8 @@
 //! The limits of the operating system: how many files may be open, and how large a file may grow.
 
+use std::io;
 use std::num::NonZeroUsize;
+use std::path::Path;
 
 use crate::config::{FILES_KEPT, MAX_CONNECTIONS};
 
@@ -70,6 +72,54 @@ pub(super) fn outlive_the_largest_file() {
 /// Other systems have no such limit.
 #[cfg(not(unix))]
 pub(super) fn outlive_the_largest_file() {}
+
+/// The bytes of memory that the process may have at the most, by the limit of its address space or of its control
+/// group; nothing where there is no limit.
+pub(super) fn memory_limit() -> Option<u64> {
+    let control_group = std::fs::read_to_string("/sys/fs/cgroup/memory.max").ok();
+    let control_group = control_group.and_then(|text| text.trim().parse().ok());
+    limit_of(rlimit::Resource::AS)
+        .into_iter()
+        .chain(control_group)
+        .min()
+}
+
+/// The bytes of a file at the most; nothing where there is no limit.
+pub(super) fn largest_file() -> Option<u64> {
+    limit_of(rlimit::Resource::FSIZE)
+}
+
+/// A limit of the process.
+fn limit_of(resource: rlimit::Resource) -> Option<u64> {
+    let (soft, _hard) = resource.get().ok()?;
+    (soft != rlimit::INFINITY).then_some(soft)
+}
+
+/// The bytes that are free in a folder for whoever runs the program.
+#[cfg(unix)]
+pub(super) fn free_space(folder: &Path) -> io::Result<u64> {
+    let space = rustix::fs::statvfs(folder)?;
+    Ok(space.f_bavail.saturating_mul(space.f_frsize))
+}
+
+/// Other systems are not asked.
+#[cfg(not(unix))]
+pub(super) fn free_space(_folder: &Path) -> io::Result<u64> {
+    Err(io::ErrorKind::Unsupported.into())
+}
+
+/// Whether others than the owner and the group of a file can read the file.
+#[cfg(unix)]
+pub(super) fn is_open_to_others(file: &Path) -> io::Result<bool> {
+    use std::os::unix::fs::PermissionsExt as _;
+    Ok(std::fs::metadata(file)?.permissions().mode() & 0o004 != 0)
+}
+
+/// Other systems have no such rights.
+#[cfg(not(unix))]
+pub(super) fn is_open_to_others(file: &Path) -> io::Result<bool> {
+    std::fs::metadata(file).map(|_file| false)
+}
 
 /// Returns when the process is asked to end.
 #[cfg(unix)]

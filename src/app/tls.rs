@@ -4,7 +4,7 @@
 use std::io;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
-use std::time::Duration;
+use std::time::{Duration, SystemTime, UNIX_EPOCH};
 
 use parking_lot::RwLock;
 use rustls::client::WebPkiServerVerifier;
@@ -75,6 +75,14 @@ impl Tls {
             files,
             current: RwLock::new(loaded),
         })
+    }
+
+    /// Whether the certificate is valid in so many days.
+    pub(super) fn is_valid_in_days(&self, days: u64) -> bool {
+        let then = SystemTime::now() + Duration::from_hours(24 * days);
+        let since_1970 = then.duration_since(UNIX_EPOCH).unwrap_or_default();
+        let then = UnixTime::since_unix_epoch(since_1970);
+        is_valid_at(&self.current.read().certificate, then)
     }
 
     /// What takes the next connection.

@@ -6,7 +6,7 @@ use base64::engine::general_purpose::URL_SAFE_NO_PAD;
 use serde::Deserialize;
 
 use super::claims::Claims;
-use super::keys::{Keys, Signed};
+use super::keys::{PublicKeys, Signed};
 
 /// How far the clocks of the provider and of this server may be apart `[s]`.
 const CLOCKS_APART_S: i64 = 60;
@@ -41,7 +41,7 @@ pub(super) struct Expected<'a> {
 }
 
 #[derive(Deserialize)]
-struct Header {
+struct TokenHeader {
     alg: String,
     kid: Option<String>,
     /// Extensions that whoever reads the token has to understand; none are understood.
@@ -52,7 +52,7 @@ struct Header {
 pub(super) struct IdToken<'a> {
     signed: &'a str,
     signature: Vec<u8>,
-    header: Header,
+    header: TokenHeader,
     claims: Claims,
 }
 
@@ -66,7 +66,7 @@ impl<'a> IdToken<'a> {
             let bytes = URL_SAFE_NO_PAD.decode(part);
             bytes.map_err(|_| IdTokenError::Form("a part is no base64url"))
         };
-        let header: Header = serde_json::from_slice(&decode(header)?)
+        let header: TokenHeader = serde_json::from_slice(&decode(header)?)
             .map_err(|_| IdTokenError::Form("its header is none"))?;
         if header.crit.is_some() {
             return Err(IdTokenError::Form("it has extensions that are not known"));
@@ -81,7 +81,7 @@ impl<'a> IdToken<'a> {
     }
 
     /// Whether one of the keys has signed the token.
-    pub(super) fn is_signed_by(&self, keys: &Keys) -> bool {
+    pub(super) fn is_signed_by(&self, keys: &PublicKeys) -> bool {
         keys.have_signed(&Signed {
             algorithm: &self.header.alg,
             key_id: self.header.kid.as_deref(),
@@ -93,7 +93,7 @@ impl<'a> IdToken<'a> {
     /// The claims of a token that one of the keys has signed and that is what was expected.
     pub(super) fn believed(
         self,
-        keys: &Keys,
+        keys: &PublicKeys,
         expected: Expected<'_>,
     ) -> Result<Claims, IdTokenError> {
         if !self.is_signed_by(keys) {
@@ -140,7 +140,7 @@ mod tests {
     /// A provider with one key.
     struct Signer {
         pair: EcdsaKeyPair,
-        keys: Keys,
+        keys: PublicKeys,
     }
 
     impl Signer {

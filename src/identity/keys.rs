@@ -37,7 +37,7 @@ impl Algorithm {
 
 /// A public key, as the provider publishes it. What a field holds depends on the type of the key.
 #[derive(Clone, Debug, Deserialize)]
-pub(super) struct Key {
+pub(super) struct PublicKey {
     kty: String,
     kid: Option<String>,
     #[serde(rename = "use")]
@@ -52,14 +52,14 @@ pub(super) struct Key {
 
 /// The public keys of the provider.
 #[derive(Clone, Debug, Deserialize)]
-pub(super) struct Keys {
-    keys: Vec<Key>,
+pub(super) struct PublicKeys {
+    keys: Vec<PublicKey>,
 }
 
-impl Keys {
+impl PublicKeys {
     /// Whether one of the keys signed a text. Where the signature names a key, a key of another name does not count.
     pub(super) fn have_signed(&self, signed: &Signed<'_>) -> bool {
-        let is_meant = |key: &&Key| match signed.key_id {
+        let is_meant = |key: &&PublicKey| match signed.key_id {
             Some(id) => key.kid.as_deref().is_none_or(|name| name == id),
             None => true,
         };
@@ -78,7 +78,7 @@ pub(super) struct Signed<'a> {
     pub(super) signature: &'a [u8],
 }
 
-impl Key {
+impl PublicKey {
     fn has_signed(&self, signed: &Signed<'_>) -> bool {
         let is_for_this = self
             .purpose
@@ -123,7 +123,7 @@ mod tests {
 
     /// Whether a key of RFC 7515 signed an example of RFC 7515.
     fn have_signed(keys: &str, token: &str, algorithm: &str) -> bool {
-        let keys: Keys = serde_json::from_str(keys).expect("keys");
+        let keys: PublicKeys = serde_json::from_str(keys).expect("keys");
         let (text, signature) = token.rsplit_once('.').expect("three parts");
         let signature = URL_SAFE_NO_PAD.decode(signature).expect("base64");
         keys.have_signed(&Signed {
@@ -164,7 +164,7 @@ mod tests {
     #[test]
     fn a_key_of_another_name_does_not_count() {
         let named = P256.replace("\"crv\"", "\"kid\": \"old\", \"crv\"");
-        let keys: Keys = serde_json::from_str(&named).expect("keys");
+        let keys: PublicKeys = serde_json::from_str(&named).expect("keys");
         let (text, signature) = P256_TOKEN.rsplit_once('.').expect("three parts");
         let signature = URL_SAFE_NO_PAD.decode(signature).expect("base64");
         let mut signed = Signed {

@@ -18,7 +18,7 @@ use url::{Url, form_urlencoded};
 use super::attempt::SignInAttempt;
 use super::claims::{Claims, Person};
 use super::id_token::{Expected, IdToken, IdTokenError};
-use super::keys::Keys;
+use super::keys::PublicKeys;
 use super::settings::{InvalidProvider, ProviderSettings, secure_address};
 use crate::outbound::{self, OutboundError, Peer, trust};
 
@@ -28,7 +28,7 @@ const LONGEST_ANSWER: Duration = Duration::from_secs(10);
 const LARGEST_ANSWER: usize = 1 << 20;
 /// For how long it is believed what the provider said of itself.
 const BELIEVED: Duration = Duration::from_secs(3600);
-/// How often the keys are read again at the most, where a token is signed by none of those that are known.
+/// How often the keys are read again at the most, where a token is signed by none of those that the server has read.
 const READ_AGAIN: Duration = Duration::from_secs(10);
 
 /// Why nobody signs in at a provider.
@@ -78,9 +78,9 @@ struct Discovery {
 
 /// What is known of the provider.
 #[derive(Clone)]
-struct Known {
+struct ProviderDocuments {
     discovery: Discovery,
-    keys: Keys,
+    keys: PublicKeys,
     read: Instant,
     /// When all was read again because none of the keys had signed a token.
     read_again: Option<Instant>,
@@ -88,14 +88,14 @@ struct Known {
 
 /// What the provider gives for a code.
 #[derive(Deserialize)]
-struct Tokens {
+struct TokenAnswer {
     id_token: String,
     access_token: Option<String>,
 }
 
 /// The reason that a provider gives for a refusal (RFC 6749, section 5.2).
 #[derive(Default, Deserialize)]
-struct Refusal {
+struct RefusalDocument {
     #[serde(default)]
     error: String,
     #[serde(default)]
@@ -106,7 +106,7 @@ struct Refusal {
 pub struct Provider {
     settings: ProviderSettings,
     tls: Arc<ClientConfig>,
-    known: Mutex<Option<Known>>,
+    documents: Mutex<Option<ProviderDocuments>>,
 }
 
 impl Provider {
@@ -117,7 +117,7 @@ impl Provider {
         Self {
             settings,
             tls: Arc::new(tls),
-            known: Mutex::default(),
+            documents: Mutex::default(),
         }
     }
 
@@ -126,8 +126,8 @@ impl Provider {
     /// # Errors
     /// The provider does not answer, or not as it should.
     pub async fn authorization_url(&self, attempt: &SignInAttempt) -> Result<Url, ProviderError> {
-        let known = self.known().await?;
-        let mut url = endpoint(&known.discovery.authorization_endpoint)?;
+        let documents = self.documents().await?;
+        let mut url = endpoint(&documents.discovery.authorization_endpoint)?;
         let scope = ["openid"]
             .into_iter()
             .chain(self.settings.scopes.iter().map(String::as_str));
@@ -165,13 +165,13 @@ impl Provider {
         code: &str,
         attempt: &SignInAttempt,
     ) -> Result<Person, ProviderError> {
-        let known = self.known().await?;
-        let tokens = self.tokens(&known.discovery, code, attempt).await?;
+        let documents = self.documents().await?;
+        let tokens = self.tokens(&documents.discovery, code, attempt).await?;
         let token = IdToken::read(&tokens.id_token)?;
-        let keys = match token.is_signed_by(&known.keys) {
-            true => known.keys,
+        let keys = match token.is_signed_by(&documents.keys) {
+            true => documents.keys,
             // A provider changes its keys now and then.
-            false => self.known_anew().await?.keys,
+            false => self.documents_anew().await?.keys,
         };
         let nonce = attempt.nonce();
         let mut claims = token.believed(
@@ -186,42 +186,45 @@ impl Provider {
         let (name, groups) = (&self.settings.name_claim, &self.settings.groups_claim);
         if !(claims.have(name) && claims.have(groups))
             && let (Some(endpoint), Some(access)) =
-                (&known.discovery.userinfo_endpoint, &tokens.access_token)
+                (&documents.discovery.userinfo_endpoint, &tokens.access_token)
         {
             claims.complete(self.user_info(endpoint, access, &claims).await?);
         }
-        let url = &known.discovery.token_endpoint;
+        let url = &documents.discovery.token_endpoint;
         let nobody = || unusable(url, "the ID token has no `sub`");
         claims.person(name, groups).ok_or_else(nobody)
     }
 
     /// What is known of the provider.
-    async fn known(&self) -> Result<Known, ProviderError> {
-        let mut known = self.known.lock().await;
-        if let Some(known) = known
+    async fn documents(&self) -> Result<ProviderDocuments, ProviderError> {
+        let mut documents = self.documents.lock().await;
+        if let Some(documents) = documents
             .as_ref()
-            .filter(|known| known.read.elapsed() < BELIEVED)
+            .filter(|documents| documents.read.elapsed() < BELIEVED)
         {
-            return Ok(known.clone());
+            return Ok(documents.clone());
         }
         let read = self.discover().await?;
-        Ok(known.insert(read).clone())
+        Ok(documents.insert(read).clone())
     }
 
     /// What is known of the provider after its keys were not those of a token.
-    async fn known_anew(&self) -> Result<Known, ProviderError> {
-        let mut known = self.known.lock().await;
+    async fn documents_anew(&self) -> Result<ProviderDocuments, ProviderError> {
+        let mut documents = self.documents.lock().await;
         let is_anew = |at: Option<Instant>| at.is_some_and(|at| at.elapsed() < READ_AGAIN);
-        if let Some(known) = known.as_ref().filter(|known| is_anew(known.read_again)) {
-            return Ok(known.clone());
+        if let Some(documents) = documents
+            .as_ref()
+            .filter(|documents| is_anew(documents.read_again))
+        {
+            return Ok(documents.clone());
         }
         let mut read = self.discover().await?;
         read.read_again = Some(read.read);
-        Ok(known.insert(read).clone())
+        Ok(documents.insert(read).clone())
     }
 
     /// What the provider says of itself, with its keys.
-    async fn discover(&self) -> Result<Known, ProviderError> {
+    async fn discover(&self) -> Result<ProviderDocuments, ProviderError> {
         let issuer = &self.settings.issuer;
         let place = format!(
             "{}/.well-known/openid-configuration",
@@ -232,7 +235,7 @@ impl Provider {
             let why = format!("its issuer is `{}` and not `{issuer}`", discovery.issuer);
             return Err(unusable(&place, why));
         }
-        Ok(Known {
+        Ok(ProviderDocuments {
             keys: self.read(&discovery.jwks_uri).await?,
             discovery,
             read: Instant::now(),
@@ -255,7 +258,7 @@ impl Provider {
         discovery: &Discovery,
         code: &str,
         attempt: &SignInAttempt,
-    ) -> Result<Tokens, ProviderError> {
+    ) -> Result<TokenAnswer, ProviderError> {
         let url = endpoint(&discovery.token_endpoint)?;
         let request = self.token_request(&url, discovery, code, attempt);
         let body = self.ask(&url, request).await?;
@@ -303,11 +306,11 @@ impl Provider {
             .header(ACCEPT, "application/json")
             .header(AUTHORIZATION, format!("Bearer {access_token}"));
         let body = self.ask(&url, request.body(String::new())).await?;
-        let said = Claims::read(&body);
-        let said = said.ok_or_else(|| unusable(place, "it is no JSON object"))?;
+        let info = Claims::read(&body);
+        let info = info.ok_or_else(|| unusable(place, "it is no JSON object"))?;
         // Section 5.3.2: an answer for another subject must not be used.
-        match said.text("sub") == claims.text("sub") {
-            true => Ok(said),
+        match info.text("sub") == claims.text("sub") {
+            true => Ok(info),
             false => Err(unusable(place, "its `sub` is another one")),
         }
     }
@@ -340,7 +343,7 @@ impl Provider {
         if answer.status().is_success() {
             return Ok(answer.into_body());
         }
-        let refusal: Refusal = serde_json::from_slice(answer.body()).unwrap_or_default();
+        let refusal: RefusalDocument = serde_json::from_slice(answer.body()).unwrap_or_default();
         let says = format!("{} {}", refusal.error, refusal.error_description);
         Err(ProviderError::Refused {
             url: url.to_string(),

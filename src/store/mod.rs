@@ -24,6 +24,7 @@ mod datasets;
 mod deliveries;
 mod error;
 mod events;
+mod facts;
 mod figures;
 mod generations;
 mod handles;
@@ -77,6 +78,7 @@ pub use datasets::{DatasetPart, DatasetRemoval, DatasetRow, Datasets, NewDataset
 pub use deliveries::{Attempt, Deliveries, DeliveryRow, DeliveryState};
 pub use error::{Meaning, QuotaExceeded, StoreError};
 pub use events::{JobEvents, StoredEvent};
+pub use facts::{DatabaseFacts, PostgresFacts};
 pub use figures::Figures;
 pub use generations::Generations;
 pub use handles::Store;

@@ -36,9 +36,9 @@ pub struct PersonRow {
 /// Whose session it is.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub enum SessionHolder {
-    /// Of a token, valid or not. The token ends when the session does.
+    /// A token, valid or not, which ends when the session does.
     Token(TokenRow),
-    /// Of a person.
+    /// A person.
     Person {
         /// The person.
         person: PersonRow,

@@ -119,15 +119,15 @@ impl Returned {
 
     /// The code, or the refusal of the provider.
     fn code(&self) -> Answer<&str> {
-        let said = self.error.iter().chain(&self.error_description);
-        let said: Vec<&str> = said.map(String::as_str).collect();
+        let reason = self.error.iter().chain(&self.error_description);
+        let reason: Vec<&str> = reason.map(String::as_str).collect();
         match &self.code {
-            Some(code) if said.is_empty() => Ok(code),
+            Some(code) if reason.is_empty() => Ok(code),
             _ => {
-                let said = said.join(": ");
-                let said = said.chars().filter(|c| !c.is_control()).take(SAID_CHARS);
-                let said: String = said.collect();
-                let detail = format!("the identity provider let nobody sign in ({said})");
+                let reason = reason.join(": ");
+                let reason = reason.chars().filter(|c| !c.is_control()).take(SAID_CHARS);
+                let reason: String = reason.collect();
+                let detail = format!("the identity provider let nobody sign in ({reason})");
                 Err(Problem::new(Kind::Forbidden, detail))
             }
         }
