@@ -86,13 +86,13 @@ pub fn restore(arguments: &RestoreArguments) -> Result<(), CommandError> {
         let restored = backup::restore(&arguments.backup, &database, arguments.replace).await;
         restored.map_err(CommandError::failed)
     })?;
-    match restored.counting_again {
+    match restored.revoked {
         None => eprintln!(
             "Tokens that were revoked after the backup was made count again: `greybox token list` shows all."
         ),
         Some(names) if names.is_empty() => {}
         Some(names) => eprintln!(
-            "These tokens were revoked and count again; `greybox token revoke NAME` ends them: {}",
+            "These tokens were revoked after the backup was made and stay revoked: {}",
             names.join(", ")
         ),
     }

@@ -12,7 +12,7 @@ use std::time::Duration;
 use serde_json::Value;
 use sha2::{Digest, Sha256};
 use sqlx::sqlite::{SqliteConnectOptions, SqlitePoolOptions};
-use sqlx::{Connection, SqliteConnection};
+use sqlx::{Connection, FromRow, SqliteConnection};
 
 use super::database::{Pool, sqlite};
 use super::lock::FileLock;
@@ -49,16 +49,16 @@ pub async fn backup(database: &Path, into: &Path) -> Result<(), StoreError> {
     put(&partial, into)
 }
 
-/// What a restored database allows that the database in its place did not.
+/// What a restored database has from the database in its place.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Restored {
-    /// The names of the tokens that were revoked and count again; nothing where no database was replaced that could
-    /// tell.
-    pub counting_again: Option<Vec<String>>,
+    /// The names of the tokens that were revoked after the backup was made and stay revoked; nothing where no database
+    /// was replaced that could tell.
+    pub revoked: Option<Vec<String>>,
 }
 
 /// Puts a backup in the place of a database that no server works with. One that is there is
-/// replaced only where `replace` says so.
+/// replaced only where `replace` says so; the tokens that were revoked there stay revoked.
 ///
 /// # Errors
 /// The backup is damaged or of a newer version, the database is in use or there already.
@@ -75,36 +75,65 @@ pub async fn restore(
         return Err(file_error(database, io::ErrorKind::AlreadyExists.into()));
     }
     let _lock = FileLock::take(database)?;
-    let counting_again = match there {
-        true => counting_again(backup, database).await.ok(),
+    let revocations = match there {
+        true => revocations(database).await.ok(),
         false => None,
     };
     let partial = beside(database, ".partial");
     copy(backup, &partial).map_err(|source| file_error(&partial, source))?;
     enter_command(&partial, format!("restore {}", backup.display())).await;
+    let revoked = match revocations {
+        Some(revocations) => Some(revoke_again(&partial, revocations).await?),
+        None => None,
+    };
     // The log of the database that was here is none of this one's.
     remove(&beside(database, "-wal"))?;
     remove(&beside(database, "-shm"))?;
     put(&partial, database)?;
-    Ok(Restored { counting_again })
+    Ok(Restored { revoked })
 }
 
-/// The names of the tokens that count in a backup and were revoked in a database.
-async fn counting_again(backup: &Path, database: &Path) -> Result<Vec<String>, StoreError> {
+/// A token that was revoked.
+#[derive(FromRow)]
+struct Revocation {
+    digest: String,
+    revoked_at: String,
+}
+
+/// The tokens that were revoked in a database.
+async fn revocations(database: &Path) -> Result<Vec<Revocation>, StoreError> {
     let mut connection = open(database).await?;
-    let revoked: Vec<String> =
-        sqlx::query_scalar("select digest from tokens where revoked_at is not null")
+    let revocations =
+        sqlx::query_as("select digest, revoked_at from tokens where revoked_at is not null")
             .fetch_all(&mut connection)
             .await?;
     connection.close().await?;
-    let mut connection = open(backup).await?;
-    let mut counting: Vec<(String, String)> =
-        sqlx::query_as("select name, digest from tokens where revoked_at is null order by name")
-            .fetch_all(&mut connection)
-            .await?;
+    Ok(revocations)
+}
+
+/// Revokes the tokens of a database that were revoked elsewhere and count here. Says their names.
+async fn revoke_again(
+    database: &Path,
+    revocations: Vec<Revocation>,
+) -> Result<Vec<String>, StoreError> {
+    let mut connection = open(database).await?;
+    let mut revoked = Vec::new();
+    for Revocation { digest, revoked_at } in revocations {
+        let name: Option<String> = sqlx::query_scalar(
+            "update tokens set revoked_at = ? where digest = ? and revoked_at is null returning name",
+        )
+        .bind(revoked_at)
+        .bind(digest)
+        .fetch_optional(&mut connection)
+        .await?;
+        revoked.extend(name);
+    }
     connection.close().await?;
-    counting.retain(|(_, digest)| revoked.contains(digest));
-    Ok(counting.into_iter().map(|(name, _)| name).collect())
+    revoked.sort();
+    for name in &revoked {
+        enter_command(database, format!("token revoke {name}")).await;
+    }
+    Ok(revoked)
 }
 
 /// Enters a command into the audit log of a database, where the log can be written: a backup of a full disk is made

@@ -82,7 +82,8 @@ async fn a_backup_takes_the_place_of_a_database_only_when_that_is_meant_and_nobo
 }
 
 #[tokio::test(flavor = "multi_thread")]
-async fn a_restored_database_names_the_tokens_that_count_again_and_logs_where_it_comes_from() {
+async fn tokens_that_were_revoked_after_a_backup_stay_revoked_and_the_log_says_where_all_comes_from()
+ {
     let fixture = Fixture::new().await;
     let (copy, database) = (fixture.beside("copy.db"), fixture.file().to_owned());
     let place = DatabasePlace::File(database.clone());
@@ -108,14 +109,21 @@ async fn a_restored_database_names_the_tokens_that_count_again_and_logs_where_it
     store.close().await;
     drop(store);
     let restored = file::restore(&copy, &database, true).await;
-    let counting_again = restored.expect("a database").counting_again;
-    assert_eq!(counting_again, Some(vec!["lost".to_owned()]));
+    let revoked = restored.expect("a database").revoked;
+    assert_eq!(revoked, Some(vec!["lost".to_owned()]));
+    let tokens = tokens::list(&place).await.expect("tokens").into_iter();
+    let counting: Vec<String> = tokens
+        .filter(|token| token.is_valid_at(jiff::Timestamp::now()))
+        .map(|token| token.name)
+        .collect();
+    assert_eq!(counting, ["mes"]);
     let store = open(&settings, &changes).await;
     let project = Project::default();
     let log = store.audit().list(&project, true, None, 10);
     let log = log.await.expect("a page").rows;
     let commands: Vec<&str> = log.iter().map(|row| row.entry.path.as_str()).collect();
     let expected = [
+        "token revoke lost".to_owned(),
         format!("restore {}", copy.display()),
         format!("backup {}", copy.display()),
         "token create --name lost --scope read --project default".to_owned(),
@@ -125,7 +133,7 @@ async fn a_restored_database_names_the_tokens_that_count_again_and_logs_where_it
     store.close().await;
     let checked = file::check(&database).await.expect("a readable file");
     assert_eq!(checked.findings, Vec::<String>::new());
-    assert_eq!(checked.audit_head.map(|head| head.entry), Some(4));
+    assert_eq!(checked.audit_head.map(|head| head.entry), Some(5));
 }
 
 #[tokio::test(flavor = "multi_thread")]
