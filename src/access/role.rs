@@ -86,11 +86,8 @@ mod tests {
             roles.of(&["x", " operators ", "plant it"]).map(|r| r.scope),
             Some(Scope::Admin)
         );
-        let found = roles.of(&["operators"]).expect("a role");
-        assert_eq!(
-            (found.scope, found.project.as_str()),
-            (Scope::Read, "hall-2")
-        );
+        let role = roles.of(&["operators"]).expect("a role");
+        assert_eq!((role.scope, role.project.as_str()), (Scope::Read, "hall-2"));
         assert_eq!(roles.of(&["plant"]), None);
         assert_eq!(roles.of::<&str>(&[]), None);
         for text in [

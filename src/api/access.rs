@@ -87,7 +87,7 @@ pub struct Callers {
     recent: Mutex<RecentTokens>,
 }
 
-/// The tokens that callers brought lately, and whose their sessions are.
+/// The tokens that callers brought lately, and the holders of their sessions.
 #[derive(Default)]
 struct RecentTokens {
     remembered: HashMap<Digest, Remembered>,
@@ -220,7 +220,7 @@ impl Callers {
         self.checked(&digest, row, address)
     }
 
-    /// Whose session it is, from the database.
+    /// The holder of a session, from the database.
     async fn session(&self, digest: &Digest) -> Answer<SessionHolder> {
         let reading = self.reading();
         let holder = self.sessions.find(digest).await?;
@@ -252,7 +252,7 @@ impl Callers {
         Ok(row)
     }
 
-    /// What a digest stands for, as long as that is believed.
+    /// The holder that a digest stands for, as long as the reading is believed.
     fn remembered(&self, digest: &Digest) -> Option<SessionHolder> {
         let tokens = lock(&self.recent);
         let remembered = tokens.remembered.get(digest)?;

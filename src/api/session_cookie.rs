@@ -111,8 +111,8 @@ mod tests {
         let text = format!("a=b; greybox_session={}; c", secret.expose());
         let mut headers = HeaderMap::new();
         headers.insert(header::COOKIE, text.parse().unwrap());
-        let found = SESSION.of(&headers).expect("a cookie");
-        assert_eq!(found.expose(), secret.expose());
+        let session = SESSION.of(&headers).expect("a cookie");
+        assert_eq!(session.expose(), secret.expose());
         assert!(ATTEMPT.of(&headers).is_none());
         assert!(!brings_csrf_token(&headers));
         headers.insert(

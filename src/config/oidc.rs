@@ -13,7 +13,7 @@ use crate::outbound::trust;
 const DEFAULT_NAME_CLAIM: &str = "preferred_username";
 /// The claim that has the groups of a person.
 const DEFAULT_GROUPS_CLAIM: &str = "groups";
-/// What is asked for beside `openid`.
+/// The scope that the provider is asked for beside `openid`.
 const DEFAULT_SCOPE: &str = "profile";
 
 /// How people sign in at the plant's identity provider.
@@ -47,8 +47,8 @@ pub struct OidcArguments {
     )]
     pub oidc_client_secret_file: Option<PathBuf>,
 
-    /// What is asked for beside `openid`, as far as the provider needs it to tell name and groups; repeat it or
-    /// separate them by commas
+    /// A scope that the provider is asked for beside `openid`, so that it tells name and groups; repeat the flag or
+    /// separate scopes by commas
     #[arg(
         long = "oidc-scope",
         env = "GREYBOX_OIDC_SCOPES",

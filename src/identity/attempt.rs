@@ -1,4 +1,4 @@
-//! One attempt to sign in: what binds the way to the provider and the way back to one browser.
+//! One attempt to sign in: a secret that binds the way to the provider and the way back to one browser.
 
 use base64::Engine as _;
 use base64::engine::general_purpose::URL_SAFE_NO_PAD;
@@ -22,13 +22,13 @@ impl SignInAttempt {
         URL_SAFE_NO_PAD.encode(digest)
     }
 
-    /// What comes back beside the code: whoever has another browser follow a code of theirs does not know it.
+    /// The `state` that comes back beside the code: whoever has another browser follow a code does not know the `state`.
     #[must_use]
     pub fn state(&self) -> String {
         self.derived("state")
     }
 
-    /// What the ID token has to repeat, so that none of another attempt is taken.
+    /// The `nonce` that the ID token has to repeat, so that no token of another attempt is taken.
     #[must_use]
     pub fn nonce(&self) -> String {
         self.derived("nonce")

@@ -1,4 +1,4 @@
-//! What a provider says of a person.
+//! The claims of a provider about a person.
 
 use serde_json::{Map, Value};
 
@@ -7,10 +7,10 @@ const NAME_CHARS: usize = 80;
 /// The groups of a person that are kept.
 const MOST_GROUPS: usize = 1000;
 
-/// Who has signed in.
+/// A person who has signed in.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Person {
-    /// What the person is called.
+    /// The name of the person.
     pub name: String,
     /// The groups that the person is in.
     pub groups: Vec<String>,

@@ -1,5 +1,5 @@
-//! ID tokens (OpenID Connect Core 1.0, section 2): JSON Web Tokens in their compact form, and what has to be true of
-//! one (section 3.1.3.7).
+//! ID tokens (OpenID Connect Core 1.0, section 2): JSON Web Tokens in their compact form, and when an ID token is
+//! believed (section 3.1.3.7).
 
 use base64::Engine as _;
 use base64::engine::general_purpose::URL_SAFE_NO_PAD;
@@ -30,7 +30,7 @@ pub enum IdTokenError {
     Expired,
 }
 
-/// What has to stand in a token.
+/// The claims that a token has to have.
 #[derive(Clone, Copy)]
 pub(super) struct Expected<'a> {
     pub(super) issuer: &'a str,
@@ -250,10 +250,7 @@ mod tests {
                 unsigned("HS256"),
             ),
             (format!("{signed}."), unsigned("ES256")),
-            (
-                signed.to_owned(),
-                IdTokenError::Form("a part is no base64url"),
-            ),
+            (signed.to_owned(), IdTokenError::Form("it has three parts")),
             (String::new(), IdTokenError::Form("it has three parts")),
             (
                 signer.token(&json!({"alg": "ES256", "crit": ["b64"]}), &claims),
@@ -261,11 +258,7 @@ mod tests {
             ),
         ] {
             let refused = signer.believed(&token).map(|_claims| ());
-            match refused {
-                // The header of a token of two parts is read where the claims of another are.
-                Err(IdTokenError::Form(_)) if matches!(expected, IdTokenError::Form(_)) => {}
-                refused => assert_eq!(refused, Err(expected), "{token}"),
-            }
+            assert_eq!(refused, Err(expected), "{token}");
         }
     }
 }

@@ -26,7 +26,7 @@ use crate::outbound::{self, OutboundError, Peer, trust};
 const LONGEST_ANSWER: Duration = Duration::from_secs(10);
 /// The bytes of an answer of the provider at the most.
 const LARGEST_ANSWER: usize = 1 << 20;
-/// For how long it is believed what the provider said of itself.
+/// For how long the documents of the provider are believed.
 const BELIEVED: Duration = Duration::from_secs(3600);
 /// How often the keys are read again at the most, where a token is signed by none of those that the server has read.
 const READ_AGAIN: Duration = Duration::from_secs(10);
@@ -49,10 +49,10 @@ pub enum ProviderError {
         url: String,
         /// The status of the answer.
         status: u16,
-        /// What the provider says of the reason.
+        /// The reason, in the words of the provider.
         says: String,
     },
-    /// What the provider says cannot be used.
+    /// The answer of the provider cannot be used.
     #[error("{url} does not answer as OpenID Connect says: {why}")]
     Unusable {
         /// The address that was asked.
@@ -65,7 +65,7 @@ pub enum ProviderError {
     IdToken(#[from] IdTokenError),
 }
 
-/// What a provider says of itself.
+/// The metadata of a provider, as OpenID Connect Discovery has them.
 #[derive(Clone, Deserialize)]
 struct Discovery {
     issuer: String,
@@ -76,7 +76,7 @@ struct Discovery {
     token_endpoint_auth_methods_supported: Option<Vec<String>>,
 }
 
-/// What is known of the provider.
+/// The documents in which the provider says where it is asked and with which keys it signs.
 #[derive(Clone)]
 struct ProviderDocuments {
     discovery: Discovery,
@@ -86,7 +86,7 @@ struct ProviderDocuments {
     read_again: Option<Instant>,
 }
 
-/// What the provider gives for a code.
+/// The answer of the provider to a code.
 #[derive(Deserialize)]
 struct TokenAnswer {
     id_token: String,
@@ -195,7 +195,7 @@ impl Provider {
         claims.person(name, groups).ok_or_else(nobody)
     }
 
-    /// What is known of the provider.
+    /// The documents of the provider, read anew when they are old.
     async fn documents(&self) -> Result<ProviderDocuments, ProviderError> {
         let mut documents = self.documents.lock().await;
         if let Some(documents) = documents
@@ -208,7 +208,7 @@ impl Provider {
         Ok(documents.insert(read).clone())
     }
 
-    /// What is known of the provider after its keys were not those of a token.
+    /// The documents of the provider, read anew because none of the known keys has signed a token.
     async fn documents_anew(&self) -> Result<ProviderDocuments, ProviderError> {
         let mut documents = self.documents.lock().await;
         let is_anew = |at: Option<Instant>| at.is_some_and(|at| at.elapsed() < READ_AGAIN);
@@ -223,7 +223,7 @@ impl Provider {
         Ok(documents.insert(read).clone())
     }
 
-    /// What the provider says of itself, with its keys.
+    /// Reads the documents of the provider.
     async fn discover(&self) -> Result<ProviderDocuments, ProviderError> {
         let issuer = &self.settings.issuer;
         let place = format!(
@@ -252,7 +252,7 @@ impl Provider {
         document(place, &body)
     }
 
-    /// What the provider gives for a code.
+    /// Turns a code into tokens.
     async fn tokens(
         &self,
         discovery: &Discovery,
@@ -294,7 +294,7 @@ impl Provider {
         request.body(form.finish())
     }
 
-    /// What the provider says of the person beside the ID token.
+    /// The claims that `userinfo` has of the person beside the ID token.
     async fn user_info(
         &self,
         place: &str,

@@ -14,7 +14,7 @@ pub struct ProviderSettings {
     pub client_id: String,
     /// The secret of this server at the provider, where the provider gave one.
     pub client_secret: Option<String>,
-    /// What is asked for beside `openid`.
+    /// The scopes that the provider is asked for beside `openid`.
     pub scopes: Vec<String>,
     /// The claim with the name of the person.
     pub name_claim: String,

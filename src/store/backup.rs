@@ -180,7 +180,8 @@ pub async fn seal(database: &Path) -> Result<u64, StoreError> {
     sealed
 }
 
-async fn pool(database: &Path) -> Result<Pool, StoreError> {
+/// A connection to a database that is there.
+pub(super) async fn pool(database: &Path) -> Result<Pool, StoreError> {
     let pool = SqlitePoolOptions::new().max_connections(1);
     Ok(Pool::Sqlite(pool.connect_with(options(database)?).await?))
 }

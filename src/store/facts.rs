@@ -1,21 +1,16 @@
-//! What can be said of a database without working with it: whether a server could.
+//! Facts of a database that no server of this process works with: whether a server could work with the database.
 
 use std::path::Path;
-use std::time::Duration;
 
 use jiff::Timestamp;
 use sqlx::postgres::PgConnectOptions;
-use sqlx::sqlite::SqliteConnectOptions;
-use sqlx::{Connection as _, PgConnection, SqliteConnection};
 
-use super::database::postgres;
+use super::database::postgres::{self, Use};
+use super::database::{self, Losses, Pool};
 use super::lock::FileLock;
-use super::{DatabasePlace, StoreError};
+use super::{DatabasePlace, StoreError, backup};
 
-/// How long a statement waits for a lock of the server.
-const BUSY_TIMEOUT: Duration = Duration::from_secs(5);
-
-/// What can be said of a database.
+/// Facts of a database.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct DatabaseFacts {
     /// The schema; nothing where no server has worked with the database yet.
@@ -24,11 +19,11 @@ pub struct DatabaseFacts {
     pub tokens: i64,
     /// Whether a server works with a file now.
     pub is_served: bool,
-    /// What holds for a PostgreSQL alone.
+    /// The facts that a PostgreSQL alone has.
     pub postgres: Option<PostgresFacts>,
 }
 
-/// What can be said of a PostgreSQL.
+/// Facts of a PostgreSQL.
 #[derive(Clone, Debug, PartialEq)]
 pub struct PostgresFacts {
     /// The version of the PostgreSQL.
@@ -58,28 +53,15 @@ impl DatabaseFacts {
             Err(StoreError::Locked { .. }) => true,
             Err(error) => return Err(error),
         };
-        let options = SqliteConnectOptions::new().filename(path);
-        let mut connection =
-            SqliteConnection::connect_with(&options.busy_timeout(BUSY_TIMEOUT)).await?;
-        let is_ours: bool = sqlx::query_scalar(
-            "select exists (select 1 from sqlite_master where name = '_sqlx_migrations')",
-        )
-        .fetch_one(&mut connection)
-        .await?;
-        let mut facts = Self {
+        let pool = backup::pool(path).await?;
+        let is_ours = "select exists (select 1 from sqlite_master where name = '_sqlx_migrations')";
+        let facts = Self {
             is_served,
             ..Self::default()
         };
-        if is_ours {
-            facts.schema = sqlx::query_scalar("select max(version) from _sqlx_migrations")
-                .fetch_one(&mut connection)
-                .await?;
-            facts.tokens = sqlx::query_scalar(VALID_TOKENS)
-                .fetch_one(&mut connection)
-                .await?;
-        }
-        connection.close().await?;
-        Ok(facts)
+        let facts = facts.with_schema(&pool, is_ours).await;
+        pool.close().await;
+        facts
     }
 
     async fn of_postgres(
@@ -87,41 +69,56 @@ impl DatabaseFacts {
         place: &DatabasePlace,
     ) -> Result<Self, StoreError> {
         postgres::examine(options, place).await?;
-        let mut connection = PgConnection::connect_with(options).await?;
-        let version: String = sqlx::query_scalar("show server_version")
-            .fetch_one(&mut connection)
-            .await?;
-        let is_over_tls: Option<bool> =
-            sqlx::query_scalar("select ssl from pg_stat_ssl where pid = pg_backend_pid()")
-                .fetch_optional(&mut connection)
-                .await?;
-        let there: f64 = sqlx::query_scalar("select extract(epoch from clock_timestamp())::float8")
-            .fetch_one(&mut connection)
-            .await?;
-        let here = Timestamp::now().as_millisecond() as f64 / 1e3;
-        let is_ours: bool =
-            sqlx::query_scalar("select to_regclass('_sqlx_migrations') is not null")
-                .fetch_one(&mut connection)
-                .await?;
-        let mut facts = Self {
-            postgres: Some(PostgresFacts {
-                version,
-                is_over_tls: is_over_tls.unwrap_or(false),
-                clock_ahead_s: there - here,
-            }),
+        let pool = Pool::of_postgres(options, 1, Use::Reads, &Losses::default()).await?;
+        let facts = Self {
+            postgres: Some(PostgresFacts::read(&pool).await?),
             ..Self::default()
         };
-        if is_ours {
-            facts.schema = sqlx::query_scalar("select max(version) from _sqlx_migrations")
-                .fetch_one(&mut connection)
-                .await?;
-            facts.tokens = sqlx::query_scalar(VALID_TOKENS)
-                .fetch_one(&mut connection)
-                .await?;
+        let is_ours = "select to_regclass('_sqlx_migrations') is not null";
+        let facts = facts.with_schema(&pool, is_ours).await;
+        pool.close().await;
+        facts
+    }
+
+    /// The facts with schema and tokens, where a statement says that the database is one of this program.
+    async fn with_schema(self, pool: &Pool, is_ours: &'static str) -> Result<Self, StoreError> {
+        let is_ours: bool = database::query_scalar(is_ours).fetch_one(pool).await?;
+        if !is_ours {
+            return Ok(self);
         }
-        connection.close().await?;
-        Ok(facts)
+        let schema: i64 = database::query_scalar("select max(version) from _sqlx_migrations")
+            .fetch_one(pool)
+            .await?;
+        let tokens: i64 =
+            database::query_scalar("select count(*) from tokens where revoked_at is null")
+                .fetch_one(pool)
+                .await?;
+        Ok(Self {
+            schema: Some(schema),
+            tokens,
+            ..self
+        })
     }
 }
 
-const VALID_TOKENS: &str = "select count(*) from tokens where revoked_at is null";
+impl PostgresFacts {
+    async fn read(pool: &Pool) -> Result<Self, StoreError> {
+        let version: String = database::query_scalar("select current_setting('server_version')")
+            .fetch_one(pool)
+            .await?;
+        let is_over_tls: Option<bool> =
+            database::query_scalar("select ssl from pg_stat_ssl where pid = pg_backend_pid()")
+                .fetch_optional(pool)
+                .await?;
+        let there: f64 =
+            database::query_scalar("select extract(epoch from clock_timestamp())::float8")
+                .fetch_one(pool)
+                .await?;
+        let here = Timestamp::now().as_millisecond() as f64 / 1e3;
+        Ok(Self {
+            version,
+            is_over_tls: is_over_tls.unwrap_or(false),
+            clock_ahead_s: there - here,
+        })
+    }
+}

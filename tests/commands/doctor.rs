@@ -4,17 +4,17 @@ use super::{printed, run};
 use serde_json::Value;
 
 /// What `doctor` finds of each matter with some arguments, and whether it succeeds.
-fn found(arguments: &[&str]) -> (Vec<String>, bool) {
+fn findings_of(arguments: &[&str]) -> (Vec<String>, bool) {
     let output = run(&[&["doctor", "--json"], arguments].concat());
     let findings: Value = serde_json::from_slice(&output.stdout).expect("a document");
     let findings = findings.as_array().expect("findings").iter();
     let word = |finding: &Value, name: &str| finding[name].as_str().expect("a text").to_owned();
-    let found = findings.map(|finding| {
+    let lines = findings.map(|finding| {
         let [about, condition, says] =
             ["about", "condition", "says"].map(|name| word(finding, name));
         format!("{about} {condition}: {says}")
     });
-    (found.collect(), output.status.success())
+    (lines.collect(), output.status.success())
 }
 
 #[track_caller]
@@ -28,7 +28,7 @@ fn a_doctor_finds_what_keeps_a_server_from_starting_and_changes_nothing() {
     let folder = tempfile::tempdir().expect("a folder");
     let file = folder.path().join("greybox.db");
     let database = format!("--database=sqlite://{}", file.display());
-    let (findings, is_fine) = found(&[&database, "--listen=127.0.0.1:0"]);
+    let (findings, is_fine) = findings_of(&[&database, "--listen=127.0.0.1:0"]);
     assert!(is_fine, "{findings:#?}");
     assert_found(
         &findings,
@@ -42,12 +42,12 @@ fn a_doctor_finds_what_keeps_a_server_from_starting_and_changes_nothing() {
 
     let taken = std::net::TcpListener::bind("127.0.0.1:0").expect("a port");
     let listen = format!("--listen={}", taken.local_addr().expect("an address"));
-    let (findings, is_fine) = found(&[&database, &listen, "--slice-s=-1"]);
+    let (findings, is_fine) = findings_of(&[&database, &listen, "--slice-s=-1"]);
     assert!(!is_fine);
     assert_found(&findings, "settings bad: a slice of -1 s");
     assert_found(&findings, "address bad: 127.0.0.1:");
 
-    let (findings, is_fine) = found(&[&database, "--listen=0.0.0.0:0"]);
+    let (findings, is_fine) = findings_of(&[&database, "--listen=0.0.0.0:0"]);
     assert!(!is_fine);
     assert_found(
         &findings,
@@ -58,7 +58,7 @@ fn a_doctor_finds_what_keeps_a_server_from_starting_and_changes_nothing() {
         "tls doubtful: the server speaks plain HTTP, where others can read it",
     );
     printed(&["token", "create", "--name=mes", "--scope=read", &database]);
-    let (findings, is_fine) = found(&[&database, "--listen=0.0.0.0:0"]);
+    let (findings, is_fine) = findings_of(&[&database, "--listen=0.0.0.0:0"]);
     assert!(is_fine, "{findings:#?}");
     assert_found(
         &findings,
@@ -73,7 +73,7 @@ fn a_doctor_finds_what_keeps_a_server_from_starting_and_changes_nothing() {
         "--oidc-client-id=greybox",
     ];
     let page = "--public-url=http://127.0.0.1:8080";
-    let (findings, is_fine) = found(&[&database, &keys, provider[0], provider[1], page]);
+    let (findings, is_fine) = findings_of(&[&database, &keys, provider[0], provider[1], page]);
     assert!(!is_fine);
     assert_found(&findings, "secrets bad: the file ");
     assert_found(
@@ -89,11 +89,11 @@ fn a_doctor_says_no_password() {
         "--database=postgres://greybox:s3cret@127.0.0.1:1/greybox",
     ]);
     assert_eq!(output.status.code(), Some(1));
-    let said = [output.stdout, output.stderr].concat();
-    let said = String::from_utf8(said).expect("text");
+    let printed = [output.stdout, output.stderr].concat();
+    let text = String::from_utf8(printed).expect("text");
     assert!(
-        said.contains("BAD       database    postgres://127.0.0.1:1/greybox: "),
-        "{said}"
+        text.contains("BAD       database    postgres://127.0.0.1:1/greybox: "),
+        "{text}"
     );
-    assert!(!said.contains("s3cret"), "{said}");
+    assert!(!text.contains("s3cret"), "{text}");
 }

@@ -23,13 +23,13 @@ const ATTEMPT_LIFE_S: i64 = 600;
 /// The characters of what a provider says that are repeated.
 const SAID_CHARS: usize = 200;
 
-/// What the identity provider has a browser bring back. Other parameters of a provider are passed over.
+/// The parameters that the identity provider has a browser bring back. Other parameters of a provider are passed over.
 #[derive(Deserialize, IntoParams)]
 #[into_params(parameter_in = Query)]
 pub struct Returned {
     /// The code for which the provider says who the person is.
     code: Option<String>,
-    /// What binds the way back to the way there.
+    /// The text that binds the way back to the way there.
     state: Option<String>,
     /// The issuer, where the provider says so (RFC 9207).
     iss: Option<String>,

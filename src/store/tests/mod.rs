@@ -105,6 +105,11 @@ impl Fixture {
 
     /// Closes the database and opens it again, as the next server does.
     async fn reopen(self) -> Self {
+        self.try_to_reopen().await.expect("a database")
+    }
+
+    /// Closes the database and tries to open it again.
+    async fn try_to_reopen(self) -> Result<Self, StoreError> {
         self.store.close().await;
         let Self {
             store,
@@ -113,13 +118,13 @@ impl Fixture {
             _folder,
         } = self;
         drop(store);
-        let store = open(&settings, &changes).await;
-        Self {
+        let store = try_to_open(&settings, &changes).await?;
+        Ok(Self {
             store,
             changes,
             settings,
             _folder,
-        }
+        })
     }
 
     /// Opens the database again after a server that did not end in order.

@@ -45,8 +45,8 @@ async fn stored(fixture: &Fixture, id: WebhookId) -> [String; 2] {
 }
 
 async fn assert_is_read(fixture: &Fixture, expected: &WebhookRow) {
-    let found = fixture.store.webhooks().find(expected.id).await;
-    assert_eq!(found.expect("a read").as_ref(), Some(expected));
+    let webhook = fixture.store.webhooks().find(expected.id).await;
+    assert_eq!(webhook.expect("a read").as_ref(), Some(expected));
 }
 
 async fn secrets_are_encrypted_once_there_are_keys_and_anew_under_another_key(fixture: Fixture) {
@@ -91,15 +91,7 @@ async fn secrets_are_encrypted_once_there_are_keys_and_anew_under_another_key(fi
     assert_is_read(&fixture, &late).await;
 
     fixture.settings.keys = keys(&old_key, 0o600).expect("keys");
-    let Fixture {
-        store,
-        changes,
-        settings,
-        _folder,
-    } = fixture;
-    store.close().await;
-    drop(store);
-    let refused = try_to_open(&settings, &changes).await.err();
+    let refused = fixture.try_to_reopen().await.err();
     assert!(
         matches!(refused, Some(StoreError::SecretKey { .. })),
         "{refused:?}"
@@ -129,11 +121,8 @@ async fn a_secret_that_was_copied_to_another_webhook_is_damaged(fixture: Fixture
         .await
         .expect("a write");
     tx.commit().await.expect("a write");
-    let found = fixture.store.webhooks().find(two.id).await;
-    assert!(
-        matches!(found, Err(StoreError::Corrupt { .. })),
-        "{found:?}"
-    );
+    let read = fixture.store.webhooks().find(two.id).await;
+    assert!(matches!(read, Err(StoreError::Corrupt { .. })), "{read:?}");
     assert_is_read(&fixture, &one).await;
 }
 
