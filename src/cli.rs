@@ -5,6 +5,7 @@
 
 mod assignments;
 mod client;
+mod collector;
 mod compare;
 mod database;
 mod demo;

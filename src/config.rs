@@ -330,9 +330,19 @@ pub struct Settings {
     )]
     pub log: String,
 
-    /// A collector of OpenTelemetry that takes OTLP over HTTP, e.g. `http://127.0.0.1:4318`
+    /// A collector of OpenTelemetry that takes OTLP over HTTP, e.g. `http://127.0.0.1:4318` or
+    /// `https://collector.plant.example:4318`
     #[arg(long, env = "GREYBOX_OTLP_ENDPOINT", value_name = "URL")]
     pub otlp_endpoint: Option<String>,
+
+    /// Authorities that are trusted for the collector beside the system's, a file in PEM
+    #[arg(
+        long,
+        env = "GREYBOX_OTLP_CA",
+        value_name = "FILE",
+        requires = "otlp_endpoint"
+    )]
+    pub otlp_ca: Option<PathBuf>,
 }
 
 fn default_listen() -> SocketAddr {
@@ -378,6 +388,7 @@ impl Default for Settings {
             tls: TlsArguments::default(),
             log: "info".to_owned(),
             otlp_endpoint: None,
+            otlp_ca: None,
         }
     }
 }

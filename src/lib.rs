@@ -34,6 +34,8 @@ pub mod monitor;
 
 pub mod store;
 
+pub mod encrypted_file;
+
 pub mod delivery;
 
 pub mod identity;

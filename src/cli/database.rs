@@ -3,7 +3,9 @@
 use super::error::CommandError;
 use super::serve::block_on;
 use crate::config::DatabaseArguments;
-use crate::store::{DatabasePlace, backup, database_copy};
+use crate::encrypted_file::{Identities, Recipients};
+use crate::store::backup::{self, Restoring};
+use crate::store::{DatabasePlace, database_copy};
 use clap::{Args, Subcommand};
 use std::path::PathBuf;
 
@@ -12,6 +14,13 @@ use std::path::PathBuf;
 pub struct BackupArguments {
     /// The file to make
     into: PathBuf,
+    /// Encrypt it for whoever has the identity of this key, in the format of `age` (`age1…`, as `age-keygen` shows it);
+    /// repeat the flag for several
+    #[arg(long = "recipient", value_name = "KEY")]
+    recipients: Vec<String>,
+    /// Encrypt it for the keys of a file, one on each line; repeat the flag for several
+    #[arg(long = "recipients-file", value_name = "FILE")]
+    recipients_files: Vec<PathBuf>,
     #[command(flatten)]
     database: DatabaseArguments,
 }
@@ -24,6 +33,9 @@ pub struct RestoreArguments {
     /// Replace the database that is there
     #[arg(long)]
     replace: bool,
+    /// The file with the identity that opens an encrypted backup, as `age-keygen` writes it
+    #[arg(long, value_name = "FILE")]
+    identity: Option<PathBuf>,
     #[command(flatten)]
     database: DatabaseArguments,
 }
@@ -73,8 +85,10 @@ pub fn run(command: &Command) -> Result<(), CommandError> {
 /// Copies a database that a server may be working with.
 pub fn backup(arguments: &BackupArguments) -> Result<(), CommandError> {
     let database = arguments.database.path().map_err(CommandError::input)?;
+    let recipients = Recipients::read(&arguments.recipients, &arguments.recipients_files);
+    let recipients = recipients.map_err(CommandError::input)?;
     block_on(async {
-        let made = backup::backup(&database, &arguments.into).await;
+        let made = backup::backup(&database, &arguments.into, recipients.as_ref()).await;
         made.map_err(CommandError::failed)
     })
 }
@@ -82,8 +96,13 @@ pub fn backup(arguments: &BackupArguments) -> Result<(), CommandError> {
 /// Puts a backup in the place of a database.
 pub fn restore(arguments: &RestoreArguments) -> Result<(), CommandError> {
     let database = arguments.database.path().map_err(CommandError::input)?;
+    let identities = arguments.identity.as_deref().map(Identities::of_file);
+    let how = Restoring {
+        replace: arguments.replace,
+        identities: identities.transpose().map_err(CommandError::input)?,
+    };
     let restored = block_on(async {
-        let restored = backup::restore(&arguments.backup, &database, arguments.replace).await;
+        let restored = backup::restore(&arguments.backup, &database, how).await;
         restored.map_err(CommandError::failed)
     })?;
     match restored.revoked {

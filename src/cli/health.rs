@@ -3,9 +3,10 @@
 use super::error::CommandError;
 use super::serve::block_on;
 use crate::outbound::trust::UnusableCertificates;
-use crate::outbound::{self, Peer, trust};
+use crate::outbound::{self, trust};
 use clap::Args;
 use hyper::Method;
+use hyper::body::Bytes;
 use rustls::ClientConfig;
 use rustls::pki_types::PrivateKeyDer;
 use rustls::pki_types::pem::PemObject;
@@ -78,15 +79,10 @@ async fn ask(arguments: &HealthArguments) -> Result<(u16, Value), CommandError> 
     }
     let url = url.join("/readyz").map_err(|error| no_address(&error))?;
     let silent = |error| silent(arguments, error);
-    let addresses = outbound::resolve(&url).await.map_err(silent)?;
-    let peer = Peer {
-        url: &url,
-        addresses: &addresses,
-        tls: &Arc::new(tls(arguments)?),
-    };
-    let request = outbound::request(Method::GET, &url).body(String::new());
+    let request = outbound::request(Method::GET, &url).body(Bytes::new());
     let request = request.map_err(CommandError::failed)?;
-    let answer = outbound::exchange(peer, request, LARGEST_ANSWER).await;
+    let tls = Arc::new(tls(arguments)?);
+    let answer = outbound::ask(&url, &tls, request, LARGEST_ANSWER).await;
     let answer = answer.map_err(silent)?;
     let document = serde_json::from_slice(answer.body()).unwrap_or_default();
     Ok((answer.status().as_u16(), document))

@@ -1,11 +1,10 @@
 //! What the program says of its work: lines of log, and spans for a collector of OpenTelemetry.
 
 use std::io::IsTerminal;
-use std::time::Duration;
 
 use opentelemetry::trace::TracerProvider as _;
 use opentelemetry::{KeyValue, global};
-use opentelemetry_otlp::{Protocol, SpanExporter, WithExportConfig as _};
+use opentelemetry_otlp::{Protocol, SpanExporter, WithExportConfig as _, WithHttpConfig as _};
 use opentelemetry_sdk::Resource;
 use opentelemetry_sdk::propagation::TraceContextPropagator;
 use opentelemetry_sdk::trace::SdkTracerProvider;
@@ -16,12 +15,10 @@ use tracing_subscriber::fmt;
 use tracing_subscriber::layer::{Layer as _, SubscriberExt as _};
 use tracing_subscriber::util::SubscriberInitExt as _;
 
+use super::collector::Collector;
 use super::error::CommandError;
 use crate::config::Settings;
 use crate::span;
-
-/// How long a collector may take for what it is sent.
-const LONGEST_EXPORT: Duration = Duration::from_secs(5);
 
 /// Lines of log that wait to be taken, at the most.
 const WAITING_LINES: usize = 10_000;
@@ -44,7 +41,7 @@ impl Telemetry {
         let traces = settings
             .otlp_endpoint
             .as_deref()
-            .map(exporter)
+            .map(|endpoint| exporter(Collector::at(endpoint, settings.otlp_ca.as_deref())?))
             .transpose()?;
         let spans = traces.as_ref().map(|traces| {
             let spans_alone = Targets::new().with_target(span::TARGET, LevelFilter::INFO);
@@ -80,20 +77,14 @@ impl Telemetry {
 }
 
 /// Sends spans in batches, beside the work; what a collector does not take is lost.
-fn exporter(endpoint: &str) -> Result<SdkTracerProvider, CommandError> {
-    let refused = |what: &str| CommandError::input(format!("--otlp-endpoint {endpoint}: {what}"));
-    if !endpoint.starts_with("http://") {
-        return Err(refused(
-            "the address of a collector on this machine or in this network, such as http://127.0.0.1:4318",
-        ));
-    }
+fn exporter(collector: Collector) -> Result<SdkTracerProvider, CommandError> {
     let exporter = SpanExporter::builder()
         .with_http()
         .with_protocol(Protocol::HttpBinary)
-        .with_endpoint(format!("{}/v1/traces", endpoint.trim_end_matches('/')))
-        .with_timeout(LONGEST_EXPORT)
+        .with_endpoint(collector.spans())
+        .with_http_client(collector)
         .build()
-        .map_err(|error| refused(&error.to_string()))?;
+        .map_err(CommandError::input)?;
     global::set_text_map_propagator(TraceContextPropagator::new());
     let version = KeyValue::new("service.version", env!("CARGO_PKG_VERSION"));
     let resource = Resource::builder()

@@ -4,6 +4,7 @@
 use std::net::SocketAddr;
 use std::sync::{Arc, LazyLock};
 
+use hyper::body::Bytes;
 use hyper::header::CONTENT_TYPE;
 use hyper::{Method, Request};
 use rustls::ClientConfig;
@@ -103,13 +104,13 @@ impl Exchange {
     }
 }
 
-fn request(url: &Url, message: Message) -> Result<Request<String>, Failure> {
+fn request(url: &Url, message: Message) -> Result<Request<Bytes>, Failure> {
     outbound::request(Method::POST, url)
         .header(CONTENT_TYPE, "application/json")
         .header("webhook-id", message.id)
         .header("webhook-timestamp", message.at)
         .header("webhook-signature", message.signature)
-        .body(message.body)
+        .body(message.body.into())
         .map_err(other)
 }
 

@@ -20,7 +20,7 @@ use super::claims::{Claims, Person};
 use super::id_token::{Expected, IdToken, IdTokenError};
 use super::keys::PublicKeys;
 use super::settings::{InvalidProvider, ProviderSettings, secure_address};
-use crate::outbound::{self, OutboundError, Peer, trust};
+use crate::outbound::{self, OutboundError, trust};
 
 /// How long the provider may take for one answer.
 const LONGEST_ANSWER: Duration = Duration::from_secs(10);
@@ -247,7 +247,7 @@ impl Provider {
     async fn read<T: DeserializeOwned>(&self, place: &str) -> Result<T, ProviderError> {
         let url = endpoint(place)?;
         let request = outbound::request(Method::GET, &url).header(ACCEPT, "application/json");
-        let request = request.body(String::new());
+        let request = request.body(Bytes::new());
         let body = self.ask(&url, request).await?;
         document(place, &body)
     }
@@ -272,7 +272,7 @@ impl Provider {
         discovery: &Discovery,
         code: &str,
         attempt: &SignInAttempt,
-    ) -> hyper::http::Result<Request<String>> {
+    ) -> hyper::http::Result<Request<Bytes>> {
         let settings = &self.settings;
         let mut form = form_urlencoded::Serializer::new(String::new());
         form.append_pair("grant_type", "authorization_code")
@@ -291,7 +291,7 @@ impl Provider {
                 form.extend_pairs(secret.iter().map(|secret| ("client_secret", secret)));
             }
         }
-        request.body(form.finish())
+        request.body(form.finish().into())
     }
 
     /// The claims that `userinfo` has of the person beside the ID token.
@@ -305,7 +305,7 @@ impl Provider {
         let request = outbound::request(Method::GET, &url)
             .header(ACCEPT, "application/json")
             .header(AUTHORIZATION, format!("Bearer {access_token}"));
-        let body = self.ask(&url, request.body(String::new())).await?;
+        let body = self.ask(&url, request.body(Bytes::new())).await?;
         let info = Claims::read(&body);
         let info = info.ok_or_else(|| unusable(place, "it is no JSON object"))?;
         // Section 5.3.2: an answer for another subject must not be used.
@@ -319,22 +319,14 @@ impl Provider {
     async fn ask(
         &self,
         url: &Url,
-        request: hyper::http::Result<Request<String>>,
+        request: hyper::http::Result<Request<Bytes>>,
     ) -> Result<Bytes, ProviderError> {
         let request = request.map_err(|error| unusable(url.as_str(), error))?;
         let silent = |why: String| ProviderError::Silent {
             url: url.to_string(),
             why,
         };
-        let asking = async {
-            let addresses = outbound::resolve(url).await?;
-            let peer = Peer {
-                url,
-                addresses: &addresses,
-                tls: &self.tls,
-            };
-            outbound::exchange(peer, request, LARGEST_ANSWER).await
-        };
+        let asking = outbound::ask(url, &self.tls, request, LARGEST_ANSWER);
         let answer: Result<_, OutboundError> =
             tokio::time::timeout(LONGEST_ANSWER, asking)
                 .await

@@ -8,7 +8,7 @@ use std::net::SocketAddr;
 use std::sync::Arc;
 use std::time::Duration;
 
-use http_body_util::{BodyExt, LengthLimitError, Limited};
+use http_body_util::{BodyExt, Full, LengthLimitError, Limited};
 use hyper::body::Bytes;
 use hyper::client::conn::http1;
 use hyper::header::{HOST, USER_AGENT};
@@ -95,7 +95,7 @@ pub struct Peer<'a> {
 /// There is no answer, or a larger one.
 pub async fn exchange(
     peer: Peer<'_>,
-    request: Request<String>,
+    request: Request<Bytes>,
     largest_body: usize,
 ) -> Result<Response<Bytes>, OutboundError> {
     let connecting = TcpStream::connect(peer.addresses);
@@ -115,9 +115,28 @@ pub async fn exchange(
     }
 }
 
+/// Asks an address: resolves its host, sends a request and reads the answer.
+///
+/// # Errors
+/// The host is not known, or there is no answer, or one larger than `largest_body` bytes.
+pub async fn ask(
+    url: &Url,
+    tls: &Arc<ClientConfig>,
+    request: Request<Bytes>,
+    largest_body: usize,
+) -> Result<Response<Bytes>, OutboundError> {
+    let addresses = resolve(url).await?;
+    let peer = Peer {
+        url,
+        addresses: &addresses,
+        tls,
+    };
+    exchange(peer, request, largest_body).await
+}
+
 async fn answered<S>(
     stream: S,
-    request: Request<String>,
+    request: Request<Bytes>,
     largest_body: usize,
 ) -> Result<Response<Bytes>, OutboundError>
 where
@@ -125,7 +144,10 @@ where
 {
     let (mut sender, connection) = http1::handshake(TokioIo::new(stream)).await?;
     let answer = async {
-        let (head, body) = sender.send_request(request).await?.into_parts();
+        let (head, body) = sender
+            .send_request(request.map(Full::new))
+            .await?
+            .into_parts();
         if largest_body == 0 {
             return Ok(Response::from_parts(head, Bytes::new()));
         }

@@ -5,7 +5,7 @@
 //! that was acknowledged before it began is in it.
 
 use std::fs::{self, File};
-use std::io;
+use std::io::{self, BufReader, BufWriter, Write};
 use std::path::Path;
 use std::time::Duration;
 
@@ -13,40 +13,74 @@ use serde_json::Value;
 use sha2::{Digest, Sha256};
 use sqlx::sqlite::{SqliteConnectOptions, SqlitePoolOptions};
 use sqlx::{Connection, FromRow, SqliteConnection};
+use tempfile::TempDir;
 
 use super::database::{Pool, sqlite};
 use super::lock::FileLock;
 use super::private_file::{self, beside};
 use super::sealed::check::{self, Checked};
 use super::{AuditEntry, StoreError, audit, schema_version};
+use crate::encrypted_file::{self, EncryptedFileError, Identities, Recipients};
 
 /// How long a statement waits for the server's lock.
 const BUSY_TIMEOUT: Duration = Duration::from_secs(30);
 
-/// Copies the database, which a server may work with meanwhile, into a new file. The file is there
-/// once it is whole and on disk.
-pub async fn backup(database: &Path, into: &Path) -> Result<(), StoreError> {
+/// The name of a copy in a folder of its own.
+const COPY: &str = "copy.db";
+
+/// Copies the database, which a server may work with meanwhile, into a new file, which the recipients alone can read
+/// where there are some. The file is there once it is whole and on disk.
+pub async fn backup(
+    database: &Path,
+    into: &Path,
+    recipients: Option<&Recipients>,
+) -> Result<(), StoreError> {
     if into.exists() {
         return Err(file_error(into, io::ErrorKind::AlreadyExists.into()));
     }
+    enter_command(database, format!("backup {}", into.display())).await;
     let partial = beside(into, ".partial");
     remove(&partial)?;
-    enter_command(database, format!("backup {}", into.display())).await;
-    private_file::open(&partial).map_err(|source| file_error(&partial, source))?;
+    let Some(recipients) = recipients else {
+        copy_database(database, &partial).await?;
+        return put(&partial, into);
+    };
+    // What everybody could read stays where the database is, and not for long.
+    let folder = folder_beside(database)?;
+    let copy = folder.path().join(COPY);
+    copy_database(database, &copy).await?;
+    let encrypted = encrypt(&copy, &partial, recipients);
+    encrypted.map_err(|source| encrypted_error(&partial, source))?;
+    put(&partial, into)
+}
+
+/// Copies a database that a server may be working with into a new file.
+async fn copy_database(database: &Path, into: &Path) -> Result<(), StoreError> {
+    private_file::open(into).map_err(|source| file_error(into, source))?;
     let mut source = open(database).await?;
     let copied = sqlx::query("vacuum into ?")
-        .bind(partial.to_string_lossy())
+        .bind(into.to_string_lossy())
         .execute(&mut source)
         .await;
     source.close().await?;
     copied?;
-    let mut copy = open(&partial).await?;
+    let mut copy = open(into).await?;
     // Nobody cut the copy off from its server.
     sqlx::query("update nodes set state = 'ended'")
         .execute(&mut copy)
         .await?;
     copy.close().await?;
-    put(&partial, into)
+    Ok(())
+}
+
+fn encrypt(
+    database: &Path,
+    into: &Path,
+    recipients: &Recipients,
+) -> Result<(), EncryptedFileError> {
+    let mut writer = BufWriter::new(private_file::open(into)?);
+    encrypted_file::encrypt(recipients, &mut File::open(database)?, &mut writer)?;
+    Ok(writer.flush()?)
 }
 
 /// What a restored database has from the database in its place.
@@ -57,39 +91,50 @@ pub struct Restored {
     pub revoked: Option<Vec<String>>,
 }
 
-/// Puts a backup in the place of a database that no server works with. One that is there is
-/// replaced only where `replace` says so; the tokens that were revoked there stay revoked.
+/// How a backup is put in the place of a database.
+#[derive(Debug, Default)]
+pub struct Restoring {
+    /// Whether a database that is there is replaced.
+    pub replace: bool,
+    /// The keys with which an encrypted backup is opened.
+    pub identities: Option<Identities>,
+}
+
+/// Puts a backup in the place of a database that no server works with; the tokens that were revoked in a database that
+/// is replaced stay revoked.
 ///
 /// # Errors
-/// The backup is damaged or of a newer version, the database is in use or there already.
+/// The backup is damaged, of a newer version, or encrypted for others; the database is in use or there already.
 pub async fn restore(
     backup: &Path,
     database: &Path,
-    replace: bool,
+    how: Restoring,
 ) -> Result<Restored, StoreError> {
-    if let Some(finding) = check(backup).await?.findings.into_iter().next() {
-        return Err(super::corrupt("backup", backup.display(), finding));
-    }
     let there = fs::metadata(database).is_ok_and(|file| file.len() > 0);
-    if there && !replace {
+    if there && !how.replace {
         return Err(file_error(database, io::ErrorKind::AlreadyExists.into()));
     }
+    let folder = folder_beside(database)?;
+    let restored = folder.path().join(COPY);
+    let copied = copy(backup, &restored, how.identities);
+    copied.map_err(|source| encrypted_error(backup, source))?;
+    if let Some(finding) = check(&restored).await?.findings.into_iter().next() {
+        return Err(super::corrupt("backup", backup.display(), finding));
+    }
     let _lock = FileLock::take(database)?;
-    let revocations = match there {
-        true => revocations(database).await.ok(),
+    enter_command(&restored, format!("restore {}", backup.display())).await;
+    let revoked = match there {
+        true => match revocations(database).await {
+            Ok(revocations) => Some(revoke_again(&restored, revocations).await?),
+            // A database that does not read tells nothing.
+            Err(_) => None,
+        },
         false => None,
-    };
-    let partial = beside(database, ".partial");
-    copy(backup, &partial).map_err(|source| file_error(&partial, source))?;
-    enter_command(&partial, format!("restore {}", backup.display())).await;
-    let revoked = match revocations {
-        Some(revocations) => Some(revoke_again(&partial, revocations).await?),
-        None => None,
     };
     // The log of the database that was here is none of this one's.
     remove(&beside(database, "-wal"))?;
     remove(&beside(database, "-shm"))?;
-    put(&partial, database)?;
+    put(&restored, database)?;
     Ok(Restored { revoked })
 }
 
@@ -325,9 +370,8 @@ fn put(partial: &Path, name: &Path) -> Result<(), StoreError> {
     let put = || {
         File::open(partial)?.sync_all()?;
         fs::rename(partial, name)?;
-        let folder = name.parent().filter(|path| !path.as_os_str().is_empty());
         // A folder that cannot be opened is brought to disk by the system, later.
-        if let Ok(folder) = File::open(folder.unwrap_or(Path::new("."))) {
+        if let Ok(folder) = File::open(folder_of(name)) {
             folder.sync_all()?;
         }
         Ok(())
@@ -335,28 +379,61 @@ fn put(partial: &Path, name: &Path) -> Result<(), StoreError> {
     put().map_err(|source| file_error(name, source))
 }
 
-/// Copies a file into a new file, which its owner alone reads.
-fn copy(from: &Path, into: &Path) -> io::Result<()> {
-    remove_file(into)?;
-    io::copy(&mut File::open(from)?, &mut private_file::open(into)?)?;
-    Ok(())
+/// Copies what a backup holds into a new file, which its owner alone reads.
+fn copy(
+    backup: &Path,
+    into: &Path,
+    identities: Option<Identities>,
+) -> Result<(), EncryptedFileError> {
+    let mut source = BufReader::new(File::open(backup)?);
+    let mut writer = BufWriter::new(private_file::open(into)?);
+    match encrypted_file::is_encrypted(&mut source)? {
+        false => io::copy(&mut source, &mut writer).map(drop)?,
+        true => {
+            let identities = identities.ok_or(EncryptedFileError::KeyNeeded)?;
+            encrypted_file::decrypt(&identities, &mut source, &mut writer)?;
+        }
+    }
+    Ok(writer.flush()?)
 }
 
 fn remove(path: &Path) -> Result<(), StoreError> {
-    remove_file(path).map_err(|source| file_error(path, source))
-}
-
-/// Removes a file, where there is one.
-fn remove_file(path: &Path) -> io::Result<()> {
     match fs::remove_file(path) {
-        Err(error) if error.kind() != io::ErrorKind::NotFound => Err(error),
+        Err(error) if error.kind() != io::ErrorKind::NotFound => Err(file_error(path, error)),
         _ => Ok(()),
     }
+}
+
+/// A folder beside a database for a copy on its way, for its owner alone; it goes with the value.
+fn folder_beside(database: &Path) -> Result<TempDir, StoreError> {
+    let folder = folder_of(database);
+    let made = tempfile::Builder::new()
+        .prefix(".greybox-copy-")
+        .tempdir_in(folder);
+    made.map_err(|source| file_error(folder, source))
+}
+
+/// The folder of a file.
+fn folder_of(path: &Path) -> &Path {
+    let folder = path
+        .parent()
+        .filter(|folder| !folder.as_os_str().is_empty());
+    folder.unwrap_or(Path::new("."))
 }
 
 fn file_error(path: &Path, source: io::Error) -> StoreError {
     StoreError::File {
         path: path.to_owned(),
         source,
+    }
+}
+
+fn encrypted_error(path: &Path, source: EncryptedFileError) -> StoreError {
+    match source {
+        EncryptedFileError::Io(source) => file_error(path, source),
+        source => StoreError::EncryptedFile {
+            path: path.to_owned(),
+            source,
+        },
     }
 }

@@ -11,6 +11,7 @@ use jiff::Timestamp;
 use sqlx::postgres::PgDatabaseError;
 
 use super::StoredBytes;
+use crate::encrypted_file::EncryptedFileError;
 
 /// A project has as much as it may.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
@@ -170,6 +171,14 @@ pub enum StoreError {
         path: PathBuf,
         /// Why.
         source: std::io::Error,
+    },
+    /// An encrypted backup cannot be written or opened.
+    #[error("the backup {} cannot be used: {source}", path.display())]
+    EncryptedFile {
+        /// The file.
+        path: PathBuf,
+        /// Why.
+        source: EncryptedFileError,
     },
     /// The samples of a recording that is to be stored do not read back.
     #[error("the samples of a recording could not be read back: {0}")]

@@ -56,10 +56,18 @@ impl Server {
         Self::start_by(program, folder, options)
     }
 
-    /// Starts the program so that it sends its spans to a collector.
-    pub fn start_traced(folder: &Path, options: Options, collector: &str) -> Self {
+    /// Starts the program so that it sends its spans to a collector, which the authorities of a file vouch for.
+    pub fn start_traced(
+        folder: &Path,
+        options: Options,
+        collector: &str,
+        authorities: Option<&Path>,
+    ) -> Self {
         let mut program = Command::new(env!("CARGO_BIN_EXE_greybox"));
         program.env("GREYBOX_OTLP_ENDPOINT", collector);
+        if let Some(file) = authorities {
+            program.env("GREYBOX_OTLP_CA", file);
+        }
         Self::start_by(program, folder, options)
     }
 

@@ -4,7 +4,19 @@ use std::fs;
 use std::path::PathBuf;
 
 use super::*;
-use crate::store::backup as file;
+use crate::encrypted_file::{Identities, Recipients};
+use crate::store::backup::{self as file, Restoring};
+
+/// The example of age-encryption.org/v1: an identity, and the recipient whose it is.
+const IDENTITY: &str = "AGE-SECRET-KEY-1GFPYYSJZGFPYYSJZGFPYYSJZGFPYYSJZGFPYYSJZGFPYYSJZGFPQ4EGAEX";
+const RECIPIENT: &str = "age1zvkyg2lqzraa2lnjvqej32nkuu0ues2s82hzrye869xeexvn73equnujwj";
+
+fn replacing() -> Restoring {
+    Restoring {
+        replace: true,
+        ..Restoring::default()
+    }
+}
 
 impl Fixture {
     fn beside(&self, name: &str) -> PathBuf {
@@ -25,16 +37,16 @@ async fn a_backup_of_a_database_at_work_has_every_job_that_was_acknowledged_befo
             fixture.submit().await;
         }
     };
-    let (copied, ()) = tokio::join!(file::backup(fixture.file(), &copy), submitting);
+    let (copied, ()) = tokio::join!(file::backup(fixture.file(), &copy, None), submitting);
     copied.expect("a copy");
     let checked = file::check(&copy).await.expect("a readable file");
     assert_eq!(checked.findings, Vec::<String>::new());
     assert_eq!(checked.unsealed, 0);
-    let again = file::backup(fixture.file(), &copy).await;
+    let again = file::backup(fixture.file(), &copy, None).await;
     assert!(matches!(again, Err(StoreError::File { .. })), "it is there");
 
     let restored = fixture.beside("restored.db");
-    file::restore(&copy, &restored, false)
+    file::restore(&copy, &restored, Restoring::default())
         .await
         .expect("a database");
     let settings = DatabaseSettings {
@@ -55,9 +67,9 @@ async fn a_backup_takes_the_place_of_a_database_only_when_that_is_meant_and_nobo
     let first = fixture.submit().await.id;
     let copy = fixture.beside("copy.db");
     let database = fixture.file().to_owned();
-    file::backup(&database, &copy).await.expect("a copy");
+    file::backup(&database, &copy, None).await.expect("a copy");
     let later = fixture.submit().await.id;
-    let in_use = file::restore(&copy, &database, true).await;
+    let in_use = file::restore(&copy, &database, replacing()).await;
     assert!(
         matches!(in_use, Err(StoreError::Locked { .. })),
         "{in_use:?}"
@@ -70,9 +82,9 @@ async fn a_backup_takes_the_place_of_a_database_only_when_that_is_meant_and_nobo
     } = fixture;
     store.close().await;
     drop(store);
-    let there = file::restore(&copy, &database, false).await;
+    let there = file::restore(&copy, &database, Restoring::default()).await;
     assert!(matches!(there, Err(StoreError::File { .. })), "{there:?}");
-    file::restore(&copy, &database, true)
+    file::restore(&copy, &database, replacing())
         .await
         .expect("a database");
     let store = open(&settings, &changes).await;
@@ -98,7 +110,7 @@ async fn tokens_that_were_revoked_after_a_backup_stay_revoked_and_the_log_says_w
         };
         assert!(tokens::create(&place, new).await.expect("a token"));
     }
-    file::backup(&database, &copy).await.expect("a copy");
+    file::backup(&database, &copy, None).await.expect("a copy");
     assert!(tokens::revoke(&place, "lost").await.expect("a token"));
     let Fixture {
         store,
@@ -108,7 +120,7 @@ async fn tokens_that_were_revoked_after_a_backup_stay_revoked_and_the_log_says_w
     } = fixture;
     store.close().await;
     drop(store);
-    let restored = file::restore(&copy, &database, true).await;
+    let restored = file::restore(&copy, &database, replacing()).await;
     let revoked = restored.expect("a database").revoked;
     assert_eq!(revoked, Some(vec!["lost".to_owned()]));
     let tokens = tokens::list(&place).await.expect("tokens").into_iter();
@@ -143,7 +155,9 @@ async fn a_damaged_file_is_found_and_never_restored() {
         fixture.submit().await;
     }
     let copy = fixture.beside("copy.db");
-    file::backup(fixture.file(), &copy).await.expect("a copy");
+    file::backup(fixture.file(), &copy, None)
+        .await
+        .expect("a copy");
     let sound = fs::read(&copy).expect("a file");
     // SQLite's pages of the smallest database have 4096 bytes; each is hit once, in its header.
     for page in 1..sound.len() / 4096 {
@@ -154,7 +168,8 @@ async fn a_damaged_file_is_found_and_never_restored() {
             .await
             .is_ok_and(|findings| findings.findings.is_empty());
         assert!(!sound, "page {page}");
-        let restored = file::restore(&copy, &fixture.beside("restored.db"), false).await;
+        let restored =
+            file::restore(&copy, &fixture.beside("restored.db"), Restoring::default()).await;
         assert!(restored.is_err(), "page {page}");
     }
     assert!(!fixture.beside("restored.db").exists());
@@ -230,13 +245,17 @@ async fn a_database_its_log_and_its_copies_are_for_their_owner_alone() {
     let fixture = Fixture::new().await;
     fixture.submit().await;
     let (copy, restored) = (fixture.beside("copy.db"), fixture.beside("restored.db"));
-    file::backup(fixture.file(), &copy).await.expect("a copy");
+    file::backup(fixture.file(), &copy, None)
+        .await
+        .expect("a copy");
     // A backup that others may read does not make a database that others may read.
     fs::set_permissions(&copy, fs::Permissions::from_mode(0o644)).expect("a change");
-    let done = file::restore(&copy, &restored, false).await;
+    let done = file::restore(&copy, &restored, Restoring::default()).await;
     done.expect("a database");
     let second = fixture.beside("second.db");
-    file::backup(fixture.file(), &second).await.expect("a copy");
+    file::backup(fixture.file(), &second, None)
+        .await
+        .expect("a copy");
     let mode = |path: &Path| {
         let metadata = fs::metadata(path).expect("a file");
         metadata.permissions().mode() & 0o777
@@ -252,4 +271,56 @@ async fn a_database_its_log_and_its_copies_are_for_their_owner_alone() {
     let fixture = fixture.reopen().await;
     assert_eq!(mode(fixture.file()), 0o600);
     fixture.store.close().await;
+}
+
+#[tokio::test]
+async fn an_encrypted_backup_is_restored_by_its_recipient_alone() {
+    let fixture = Fixture::new().await;
+    let row = fixture.submit().await;
+    let (copy, restored) = (fixture.beside("copy.age"), fixture.beside("restored.db"));
+    let recipients = Recipients::read(&[RECIPIENT.to_owned()], &[]).expect("a key");
+    file::backup(fixture.file(), &copy, recipients.as_ref())
+        .await
+        .expect("a copy");
+    let bytes = fs::read(&copy).expect("a file");
+    assert!(!bytes.windows(6).any(|bytes| bytes == b"SQLite"));
+    assert!(
+        !bytes
+            .windows(row.id.to_string().len())
+            .any(|bytes| bytes == row.id.to_string().as_bytes())
+    );
+    let folder = fixture.file().parent().expect("a folder");
+    let names = fs::read_dir(folder).expect("a folder");
+    let names = names.map(|entry| entry.expect("a file").file_name());
+    let left: Vec<_> = names
+        .filter(|name| name.to_string_lossy().starts_with(".greybox-copy"))
+        .collect();
+    assert!(left.is_empty(), "{left:?}");
+
+    let without_key = file::restore(&copy, &restored, Restoring::default()).await;
+    let error = without_key.expect_err("no key");
+    assert!(
+        error
+            .to_string()
+            .contains("the key of one of its recipients"),
+        "{error}"
+    );
+    assert!(!restored.exists());
+    let file = fixture.beside("identity.txt");
+    fs::write(&file, format!("# an example\n{IDENTITY}\n")).expect("a file");
+    let how = Restoring {
+        identities: Some(Identities::of_file(&file).expect("a key")),
+        ..Restoring::default()
+    };
+    file::restore(&copy, &restored, how)
+        .await
+        .expect("a database");
+    let settings = DatabaseSettings {
+        place: DatabasePlace::File(restored),
+        ..fixture.settings.clone()
+    };
+    let store = open(&settings, &fixture.changes).await;
+    let found = store.jobs().find(row.id).await.expect("a read");
+    assert_eq!(found.as_deref(), Some(&row));
+    store.close().await;
 }
