@@ -8,7 +8,7 @@ use ring::aead::NONCE_LEN;
 use ring::hmac;
 use x25519_dalek::{PublicKey, SharedSecret, StaticSecret};
 
-use super::EncryptedFileError;
+use super::error::EncryptedFileError;
 use super::keys::{Identities, KEY_BYTES, Recipients};
 use super::seal::{FILE_KEY_BYTES, FileKey, SealingKey, TAG_BYTES, derive, random};
 

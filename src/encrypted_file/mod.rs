@@ -6,6 +6,7 @@
 //! ChaCha20-Poly1305); the rest is in chunks of 64 KiB, each sealed by itself, so that a file of any length is read and
 //! written as it comes. A file that was changed, shortened or put together from others does not open.
 
+mod error;
 mod header;
 mod keys;
 mod payload;
@@ -13,33 +14,11 @@ mod seal;
 
 use std::io::{self, BufRead, Read, Write};
 
+pub use error::EncryptedFileError;
 pub use keys::{Identities, InvalidKeys, Recipients};
 
 use header::Header;
 use seal::FileKey;
-
-/// Why a file is not written or not opened.
-#[derive(Debug, thiserror::Error)]
-pub enum EncryptedFileError {
-    /// The file is no encrypted one.
-    #[error("it is no file of age-encryption.org/v1")]
-    NotEncrypted,
-    /// There is no key.
-    #[error("it is encrypted: the key of one of its recipients is needed")]
-    KeyNeeded,
-    /// None of the keys is a recipient's.
-    #[error("it is encrypted for none of these keys")]
-    NoKey,
-    /// The file is not what was written.
-    #[error("it is damaged: {0}")]
-    Damaged(&'static str),
-    /// The file cannot be read or written.
-    #[error(transparent)]
-    Io(#[from] io::Error),
-    /// The system gives no random numbers.
-    #[error("the system gives no random numbers: {0}")]
-    Random(#[from] getrandom::Error),
-}
 
 /// Whether a file begins as an encrypted one does.
 ///

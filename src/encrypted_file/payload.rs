@@ -4,7 +4,7 @@ use std::io::{self, Read, Write};
 
 use ring::aead::NONCE_LEN;
 
-use super::EncryptedFileError;
+use super::error::EncryptedFileError;
 use super::seal::{FileKey, SealingKey, TAG_BYTES, random};
 
 /// The bytes that a chunk holds; the last may hold fewer.
