@@ -2,9 +2,9 @@
 """What the program is made of: an SBOM (CycloneDX 1.6, JSON), and whether its licences and sources are
 those that deny.toml allows.
 
-    .ci/supply_chain.py FILE
+    .ci/supply_chain.py FILE [VULNERABILITIES]
 
-writes the SBOM to FILE; what deny.toml does not allow is named, and the status is then 1. Crates are those
+writes the SBOM to FILE, with what is known of vulnerabilities ("not checked" where nothing is said); what deny.toml does not allow is named, and the status is then 1. Crates are those
 that `cargo metadata` resolves for Linux with every feature, tests left out of the SBOM but not of the
 check. The same sources make the same bytes: there is neither a time nor a random number in it.
 """
@@ -146,7 +146,7 @@ def scripts():
         }
 
 
-def sbom(data):
+def sbom(data, vulnerabilities):
     packages = {package["id"]: package for package in data["packages"]}
     lock = tomllib.loads((ROOT / "Cargo.lock").read_text())["package"]
     checksums = {(own["name"], own["version"]): own.get("checksum") for own in lock}
@@ -177,7 +177,8 @@ def sbom(data):
                 "version": program["version"],
                 "licenses": [{"expression": program["license"]}],
                 "purl": purl(program),
-            }
+            },
+            "properties": [{"name": "greybox:known-vulnerabilities", "value": vulnerabilities}],
         },
         "components": [component(own, checksums, own["id"] in runs) for own in crates] + page,
         "dependencies": depends,
@@ -185,7 +186,7 @@ def sbom(data):
 
 
 def main():
-    if len(sys.argv) != 2:
+    if len(sys.argv) not in (2, 3):
         sys.exit(__doc__)
     data = metadata()
     policy = tomllib.loads((ROOT / "deny.toml").read_text())
@@ -194,7 +195,7 @@ def main():
         print(fault, file=sys.stderr)
     if found:
         sys.exit(1)
-    made = sbom(data)
+    made = sbom(data, sys.argv[2] if len(sys.argv) == 3 else "not checked")
     Path(sys.argv[1]).write_text(json.dumps(made, indent=1, ensure_ascii=False) + "\n")
     print(f"{len(made['components'])} components; {len(data['packages'])} crates with allowed licences and sources")
 

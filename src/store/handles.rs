@@ -180,7 +180,7 @@ impl Store {
             writer_pool,
             readers,
             access,
-        } = Opened::open(settings).await?;
+        } = Opened::open_in_turn(settings).await?;
         let queue = queue::inserter(&writer_pool)?;
         let caches = Caches::of(writer_pool.kind());
         let on_change = forget_then(caches.clone(), on_change);

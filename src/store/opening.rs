@@ -2,7 +2,7 @@
 
 use std::fmt;
 use std::path::{Path, PathBuf};
-use std::time::Duration;
+use std::time::{Duration, Instant};
 
 use sqlx::PgConnection;
 use sqlx::postgres::PgConnectOptions;
@@ -137,8 +137,27 @@ impl DatabaseSettings {
     }
 }
 
+/// How long a server waits for whoever has the database: a command on tokens has it for some 12 ms, a server that is
+/// about to end for as long as its last slice takes.
+const LONGEST_WAIT: Duration = Duration::from_secs(3);
+/// How often the server tries meanwhile.
+const BETWEEN_TRIALS: Duration = Duration::from_millis(20);
+
 impl Opened {
-    /// For a server.
+    /// For a server, which waits a little for a command that has the database.
+    pub(super) async fn open_in_turn(settings: &DatabaseSettings) -> Result<Self, StoreError> {
+        let until = Instant::now() + LONGEST_WAIT;
+        loop {
+            match Self::open(settings).await {
+                Err(StoreError::Locked { .. }) if Instant::now() < until => {
+                    tokio::time::sleep(BETWEEN_TRIALS).await;
+                }
+                opened => return opened,
+            }
+        }
+    }
+
+    /// For whoever goes another way where somebody has the database.
     pub(super) async fn open(settings: &DatabaseSettings) -> Result<Self, StoreError> {
         Self::open_for(settings, [Use::Writes, Use::Reads]).await
     }

@@ -1,6 +1,8 @@
 //! Submitting, showing, listing, controlling and deleting jobs.
 
 use super::*;
+use crate::store::lock::FileLock;
+use crate::store::opening::Opened;
 
 on_both! {
     a_submitted_job_is_shown_listed_and_told_of,
@@ -47,6 +49,17 @@ async fn two_servers_on_one_file_are_refused() {
     let fixture = Fixture::new().await;
     let second = Store::open(&fixture.settings, Arc::new(|_| ())).await;
     assert!(matches!(second, Err(StoreError::Locked { .. })));
+}
+
+#[tokio::test]
+async fn a_server_waits_for_a_command_that_has_the_file() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let path = folder.path().join("jobs.db");
+    let command = FileLock::take(&path).expect("nobody has it");
+    let settings = DatabaseSettings::of_a_command(&DatabasePlace::File(path));
+    // The server tries first, and the command ends after that.
+    let (opened, ()) = tokio::join!(Opened::open_in_turn(&settings), async { drop(command) });
+    opened.expect("a database").close().await;
 }
 
 async fn the_same_key_never_makes_two_jobs(fixture: Fixture) {

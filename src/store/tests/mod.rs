@@ -24,7 +24,7 @@ mod ways;
 use std::collections::BTreeMap;
 use std::path::Path;
 use std::sync::{Arc, Mutex};
-use std::time::{Duration, Instant};
+use std::time::Duration;
 
 use indexmap::IndexMap;
 
@@ -202,21 +202,13 @@ impl Fixture {
     }
 }
 
-/// Opens a database. A program that another test is just starting holds every open file of this one, the lock of a
-/// database that was closed among them, until it runs.
 async fn try_to_open(
     settings: &DatabaseSettings,
     changes: &Arc<Mutex<Vec<Change>>>,
 ) -> Result<Store, StoreError> {
-    let deadline = Instant::now() + Duration::from_secs(10);
-    loop {
-        let changes = changes.clone();
-        let on_change = Arc::new(move |change| changes.lock().expect("unpoisoned").push(change));
-        match Store::open(settings, on_change).await {
-            Err(StoreError::Locked { .. }) if Instant::now() < deadline => std::thread::yield_now(),
-            opened => return opened,
-        }
-    }
+    let changes = changes.clone();
+    let on_change = Arc::new(move |change| changes.lock().expect("unpoisoned").push(change));
+    Store::open(settings, on_change).await
 }
 
 async fn open(settings: &DatabaseSettings, changes: &Arc<Mutex<Vec<Change>>>) -> Store {
