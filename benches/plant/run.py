@@ -17,6 +17,7 @@ import kept
 import nodes
 import outside
 import overlap
+import resources
 import together
 
 HERE = os.path.dirname(os.path.abspath(__file__))
@@ -30,6 +31,7 @@ ALL = {
     "cost": kept.cost,
     "backup": kept.backup,
     "damage": kept.damage,
+    "resources": resources.resources,
     "memory": kept.memory,
     **nodes.ALL,
     **overlap.ALL,

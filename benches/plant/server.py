@@ -47,6 +47,8 @@ class Client:
 
     def __init__(self, address, headers=None):
         self.address, self.headers, self.connection, self.used = address, headers or {}, None, 0.0
+        # The body of the last answer as it came.
+        self.text = b""
 
     def ask(self, method, path, body=None, headers=None, timeout=60):
         """Status, body (JSON where it is that) and headers; status 0 where there is no answer."""
@@ -62,7 +64,7 @@ class Client:
                 self.connection = http.client.HTTPConnection(host, port, timeout=timeout)
             self.connection.request(method, path, body, own)
             answer = self.connection.getresponse()
-            text = answer.read()
+            text = self.text = answer.read()
             self.used = time.monotonic()
         except (OSError, http.client.HTTPException):
             self.close()
