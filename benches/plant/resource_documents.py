@@ -54,8 +54,10 @@ class Documents(Kind):
 
     def judge(self, client, thing, body):
         if thing.shown is None:
-            thing.shown = self.stable(client, body)
+            shown = self.stable(client, body)
             self.judge_first(client, thing, body)
+            # A kill during the first look leaves the thing as one that was not looked at.
+            thing.shown = shown
         super().judge(client, thing, body)
 
     def judge_first(self, client, thing, body):
@@ -70,7 +72,8 @@ class Recordings(Documents):
         for row in rows[1:]:
             row[2] = repr(float(row[2]) + round(self.random.random(), 6))
         text = "\n".join(",".join(row) for row in rows) + "\n"
-        return f"/v1/datasets?name=recording-{self.number}", text, {"content-type": "text/csv"}, {"rows": rows[1:]}
+        facts = {"rows": rows[1:], "samples": None}
+        return f"/v1/datasets?name=recording-{self.number}", text, {"content-type": "text/csv"}, facts
 
     def name_of(self, answer):
         return answer["id"]

@@ -166,10 +166,11 @@ class Work(Kind):
         # A refusal has the number of its request in it.
         shown = (status, digest(client.text) if status == 200 else None)
         if thing.result is None:
+            self.judge_events(client, thing)
+            # A kill during the first look leaves the end as one that was not looked at.
             thing.result = shown
             self.plant.note_end(thing.path.rsplit("/", 1)[1], thing.status)
             self.count(f"ended {thing.status}")
-            self.judge_events(client, thing)
             if thing.status == "succeeded":
                 self.judge_same(thing, result)
         elif thing.result != shown:
