@@ -2,6 +2,7 @@
 
 import os
 import random
+import shutil
 import tempfile
 import threading
 import time
@@ -29,6 +30,8 @@ PAUSE_S = 0.02
 PATIENCE_S = 120
 # Kills between two lines of progress.
 PROGRESS = 250
+# How a server refuses to start whose database is held, and for how long it is started again [s].
+IN_USE, START_PATIENCE_S = "is in use by another greybox server", 30
 
 
 class Plant:
@@ -41,6 +44,9 @@ class Plant:
         self.ends, self.runs_gone = {}, []
         self.server = Server(options, folder, "--slice-s", "0.1", "--requests-per-second", "100000",
                              "--webhook-to", "127.0.0.1")
+        self.server.errors = open(os.path.join(folder, "errors"), "w+")
+        # Starts that were refused because a command on tokens held the database.
+        self.refused_starts = 0
         self.token = self.server.token("clients", "admin")
         assert self.server.start(), "the server did not start"
         self.receiver = Receiver(self)
@@ -117,10 +123,27 @@ class Plant:
             if is_up:
                 self.await_end()
             kills += 1
+        self.begin_life()
+        return kills
+
+    def begin_life(self):
+        """Starts the server, again where a command on tokens holds the database, as systemd does it."""
         self.life += 1
         self.is_killed.clear()
-        assert self.server.start(), "the server did not start again"
-        return kills
+        until = time.monotonic() + START_PATIENCE_S
+        while not self.server.start():
+            self.server.errors.seek(0)
+            text = self.server.errors.read()
+            if IN_USE not in text or self.tokens().command is None:
+                self.ledger.fault("unexpected", f"life {self.life}: the server did not start: {text}")
+            self.refused_starts += 1
+            self.server.errors.seek(0)
+            self.server.errors.truncate()
+            assert time.monotonic() < until, "the server did not start again"
+            time.sleep(0.01)
+
+    def tokens(self):
+        return next(kind for kind in self.kinds if kind.name == "tokens")
 
     def listed(self, client, path):
         """All items of a list."""
@@ -179,9 +202,7 @@ class Plant:
 
     def end(self):
         """Looks at everything with a server that nobody kills; how many ends of jobs were delivered."""
-        self.life += 1
-        self.is_killed.clear()
-        assert self.server.start(), "the server did not start again"
+        self.begin_life()
         client = self.client()
         for kind in self.kinds:
             try:
@@ -204,21 +225,23 @@ class Plant:
 def resources(options):
     """Kills one server on one database while all kinds of resources are made, changed and ended."""
     count, kills, began, shown = options.count or 300, 0, time.monotonic(), 0
-    with tempfile.TemporaryDirectory() as folder:
-        plant = Plant(options, folder)
-        print(f"resources: the seed is {SEED}", flush=True)
-        while kills < count:
-            plant.live()
-            kills += 1
-            if kills < count:
-                kills += plant.start()
-            if kills // PROGRESS > shown:
-                shown = kills // PROGRESS
-                size = os.path.getsize(plant.server.path) / 2**20
-                print(f"resources: {kills} kills in {time.monotonic() - began:.0f} s, {size:.0f} MiB; "
-                      f"{plant.ledger.line()}", flush=True)
-        ends = plant.end()
-        print(f"resources: {kills} kills in {time.monotonic() - began:.0f} s; {plant.ledger.line()}; "
-              f"{plant.receiver.count()} deliveries taken, {ends} ends of jobs delivered to the webhook that stays",
-              flush=True)
+    folder = tempfile.mkdtemp()
+    print(f"resources: the seed is {SEED}; the database is in {folder} and stays there after a fault", flush=True)
+    plant = Plant(options, folder)
+    while kills < count:
+        plant.live()
+        kills += 1
+        if kills < count:
+            kills += plant.start()
+        if kills // PROGRESS > shown:
+            shown = kills // PROGRESS
+            size = os.path.getsize(plant.server.path) / 2**20
+            print(f"resources: {kills} kills in {time.monotonic() - began:.0f} s, {size:.0f} MiB; "
+                  f"{plant.ledger.line()}", flush=True)
+    ends = plant.end()
+    print(f"resources: {kills} kills in {time.monotonic() - began:.0f} s; {plant.ledger.line()}; "
+          f"{plant.receiver.count()} deliveries taken, {ends} ends of jobs delivered to the webhook that stays; "
+          f"{plant.refused_starts} starts refused while a command on tokens held the database", flush=True)
+    if plant.ledger.is_good():
+        shutil.rmtree(folder)
     return plant.ledger.is_good()

@@ -106,6 +106,8 @@ class Server:
         self.url = url or f"sqlite://{self.path}"
         self.environment = {**os.environ, **(environment or {})}
         self.process = None
+        # Where the process writes why it does not start.
+        self.errors = subprocess.DEVNULL
         # A measurement that breaks off leaves no server behind.
         atexit.register(self.cut)
 
@@ -119,7 +121,7 @@ class Server:
                    "--database", self.url, *self.settings]
         # A file that may not grow is to be an error that is answered, not the end of the process.
         self.process = subprocess.Popen(
-            command, stdout=subprocess.PIPE, stderr=subprocess.DEVNULL, text=True,
+            command, stdout=subprocess.PIPE, stderr=self.errors, text=True,
             restore_signals=False, env=self.environment)
         line = self.process.stdout.readline()
         if not line:
