@@ -38,7 +38,7 @@ struct Entry {
 }
 
 /// The header of a file.
-pub(super) struct Header {
+pub(super) struct FileHeader {
     entries: Vec<Entry>,
     /// The bytes that are authenticated: the first to the `---` of the last line.
     authenticated: Vec<u8>,
@@ -46,7 +46,7 @@ pub(super) struct Header {
     mac: Vec<u8>,
 }
 
-impl Header {
+impl FileHeader {
     /// The header of a file for some recipients.
     pub(super) fn new(
         file_key: &FileKey,

@@ -17,7 +17,7 @@ use std::io::{self, BufRead, Read, Write};
 pub use error::EncryptedFileError;
 pub use keys::{Identities, InvalidKeys, Recipients};
 
-use header::Header;
+use header::FileHeader;
 use seal::FileKey;
 
 /// Whether a file begins as an encrypted one does.
@@ -38,7 +38,7 @@ pub fn encrypt(
     into: &mut impl Write,
 ) -> Result<(), EncryptedFileError> {
     let file_key = FileKey::random()?;
-    Header::new(&file_key, recipients)?.write(into)?;
+    FileHeader::new(&file_key, recipients)?.write(into)?;
     payload::encrypt(&file_key, source, into)
 }
 
@@ -51,7 +51,7 @@ pub fn decrypt(
     source: &mut impl BufRead,
     into: &mut impl Write,
 ) -> Result<(), EncryptedFileError> {
-    let header = Header::read(source)?;
+    let header = FileHeader::read(source)?;
     let file_key = header.file_key(identities)?;
     payload::decrypt(&file_key, source, into)
 }

@@ -320,7 +320,7 @@ async fn an_encrypted_backup_is_restored_by_its_recipient_alone() {
         ..fixture.settings.clone()
     };
     let store = open(&settings, &fixture.changes).await;
-    let found = store.jobs().find(row.id).await.expect("a read");
-    assert_eq!(found.as_deref(), Some(&row));
+    let restored_row = store.jobs().find(row.id).await.expect("a read");
+    assert_eq!(restored_row.as_deref(), Some(&row));
     store.close().await;
 }
