@@ -18,6 +18,7 @@ import nodes
 import outside
 import overlap
 import resources
+import soak
 import together
 
 HERE = os.path.dirname(os.path.abspath(__file__))
@@ -33,6 +34,7 @@ ALL = {
     "damage": kept.damage,
     "resources": resources.resources,
     "memory": kept.memory,
+    "soak": soak.soak,
     **nodes.ALL,
     **overlap.ALL,
     **together.ALL,
@@ -45,7 +47,7 @@ def main():
     parser.add_argument("--program", default=os.path.join(HERE, "..", "..", "target", "release", "greybox"))
     parser.add_argument("--count", type=int, help="how many: times, clients, trials, kills, jobs, requests")
     parser.add_argument("--seconds", type=float, default=6, help="how long `slow` looks at a time")
-    parser.add_argument("--minutes", type=float, default=8, help="after which `cost` begins no job")
+    parser.add_argument("--minutes", type=float, default=8, help="how long `cost` begins jobs, and `soak` lasts")
     parser.add_argument("--faketime", help="libfaketime.so.1, for `clock` and `nodes_clock`")
     parser.add_argument("--next", help="another build of the program, for `nodes_upgrade`")
     options = parser.parse_args()
