@@ -127,11 +127,11 @@ def submissions(neighbour):
 
 def recordings(neighbour):
     """Large recordings stored and deleted without an end."""
-    large, numbers = neighbour.kept["csv"], itertools.count(int(time.time()))
+    large, numbers = neighbour.kept["csv"], itertools.count()
 
-    def work(wire, number):
+    def work(wire, _):
         neighbour.count(["asked"])
-        body = large + f"99999,{next(numbers)},{number}\n".encode()
+        body = large + f"99999,{next(numbers)},{os.getpid()}\n".encode()
         status, answer = wire.ask(request("POST", "/v1/datasets", neighbour.token, body, "text/csv"))
         neighbour.count([status])
         if status in (200, 201):

@@ -38,6 +38,8 @@ CAPACITY_S, OFFERED_SHARE = 12, 0.8
 WARM_UP_SHARE = 0.25
 # The long job: a recording of so many samples, and candidates of a generation.
 LONG_SAMPLES, LONG_POPULATION = 100_000, 30
+# The generation from which on the speed of the long job is about constant.
+SETTLED_GENERATION = 300
 # Minutes of a cycle through all kinds; a shorter run has a cycle all the same.
 CYCLE_MINUTES = 15
 # How long the neighbour is gone before the end of its phase, and which share of the phase at the most.
@@ -136,6 +138,9 @@ class Soak:
         spec["limits"] = {"max_duration_s": 86_400}
         self.plan = {"address": self.server.address, "tokens": tokens, "processes": PROCESSES, "dataset": dataset,
                      "ended": ended, "long": self.client.submit(spec), "neighbour_tokens": abuser, "kept": kept}
+        # The job looks at its data first, and early generations hold candidates that take longer to simulate.
+        while self.generation()[0] < SETTLED_GENERATION:
+            time.sleep(0.1)
         self.users, self.phases, self.printed, self.faults, self.requests = [], [], 0, 0, 0
 
     def start_users(self, rate, phases):
