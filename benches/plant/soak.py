@@ -38,8 +38,8 @@ CAPACITY_S, OFFERED_SHARE = 12, 0.8
 WARM_UP_SHARE = 0.25
 # The long job: a recording of so many samples, and candidates of a generation.
 LONG_SAMPLES, LONG_POPULATION = 100_000, 30
-# The generation from which on the speed of the long job is about constant.
-SETTLED_GENERATION = 300
+# The generation from which on the speed of the long job is about constant, and how long it is waited for.
+SETTLED_GENERATION, SETTLING_S = 300, 120
 # Minutes of a cycle through all kinds; a shorter run has a cycle all the same.
 CYCLE_MINUTES = 15
 # How long the neighbour is gone before the end of its phase, and which share of the phase at the most.
@@ -55,6 +55,8 @@ LEAST_SPEED, MOST_LATENCY_FACTOR, MOST_LATENCY_S = 0.8, 5, 0.05
 # Where a project's jobs are at work beside those of another one, each has half of the places.
 FAIR_SHARE = {"floods of jobs": 0.5}
 MEMORY_FACTOR, MEMORY_MIB = 1.1, 8
+# The measurement of a phase that begins later than this share of its length says so: the server did not answer.
+LATENESS_SHARE = 0.2
 QUIET = "quiet"
 FILES = 8192
 # What `prctl` calls the signal that a process is sent when the process that started it ends.
@@ -70,7 +72,7 @@ class Phase:
         self.speed = self.memory_mib = float("nan")
         self.waiting, self.share, self.processor = 0, 1.0, {}
         self.latencies, self.faults, self.example = array("f"), Counter(), b""
-        self.answers, self.reports = Counter(), 0
+        self.answers, self.reports, self.is_late = Counter(), 0, False
 
     def take(self, latencies, faults, example):
         self.latencies.frombytes(latencies)
@@ -87,7 +89,7 @@ class Phase:
             text += "; " + ", ".join(f"{count} {kind}" for kind, count in self.answers.most_common(6))
         if self.faults:
             text += f"; FAULTS {dict(self.faults.most_common(4))} {self.example.decode(errors='replace')}"
-        return text
+        return text + ("; LATE: its speed and processor are not measured" if self.is_late else "")
 
 
 HEADER = (f"soak {'neighbour':16} {'median':>7} {'p99':>7} {'longest':>8} {'faults':>7} {'speed':>6} {'memory':>6} "
@@ -139,7 +141,8 @@ class Soak:
         self.plan = {"address": self.server.address, "tokens": tokens, "processes": PROCESSES, "dataset": dataset,
                      "ended": ended, "long": self.client.submit(spec), "neighbour_tokens": abuser, "kept": kept}
         # The job looks at its data first, and early generations hold candidates that take longer to simulate.
-        while self.generation()[0] < SETTLED_GENERATION:
+        latest = time.monotonic() + SETTLING_S
+        while self.generation()[0] < SETTLED_GENERATION and time.monotonic() < latest:
             time.sleep(0.1)
         self.users, self.phases, self.printed, self.faults, self.requests = [], [], 0, 0, 0
 
@@ -227,6 +230,7 @@ class Soak:
                 phase.answers.update(receives.recv())
             process.kill()
             process.join()
+        phase.is_late = began > phase.begin + LATENESS_SHARE * (phase.end - phase.begin)
         phase.speed = (last - first) / (ended - began)
         phase.memory_mib, phase.waiting = self.server.memory_mib(), self.waiting()
         phase.processor = {name: (after[name] - before[name]) / (ended - began) for name in after}
