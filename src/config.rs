@@ -6,6 +6,7 @@ mod database;
 mod error;
 mod network;
 mod oidc;
+mod otlp;
 pub mod tls;
 
 use std::net::{Ipv4Addr, SocketAddr};
@@ -28,6 +29,7 @@ pub use database::DatabaseArguments;
 pub use error::SettingsError;
 use network::network;
 pub use oidc::OidcArguments;
+pub use otlp::OtlpArguments;
 use tls::TlsArguments;
 
 /// Connections that read the database at the same time.
@@ -330,19 +332,9 @@ pub struct Settings {
     )]
     pub log: String,
 
-    /// A collector of OpenTelemetry that takes OTLP over HTTP, e.g. `http://127.0.0.1:4318` or
-    /// `https://collector.plant.example:4318`
-    #[arg(long, env = "GREYBOX_OTLP_ENDPOINT", value_name = "URL")]
-    pub otlp_endpoint: Option<String>,
-
-    /// Authorities that are trusted for the collector beside the system's, a file in PEM
-    #[arg(
-        long,
-        env = "GREYBOX_OTLP_CA",
-        value_name = "FILE",
-        requires = "otlp_endpoint"
-    )]
-    pub otlp_ca: Option<PathBuf>,
+    /// Where spans are sent.
+    #[command(flatten)]
+    pub otlp: OtlpArguments,
 }
 
 fn default_listen() -> SocketAddr {
@@ -387,8 +379,7 @@ impl Default for Settings {
             keep_deliveries_days: DEFAULT_KEEP_DELIVERIES_DAYS,
             tls: TlsArguments::default(),
             log: "info".to_owned(),
-            otlp_endpoint: None,
-            otlp_ca: None,
+            otlp: OtlpArguments::default(),
         }
     }
 }
@@ -491,6 +482,7 @@ impl Settings {
             requests_per_second: self.requests_per_second.max(0.001),
             requests_at_once: self.requests_at_once,
             job_derivatives: self.max_job_derivatives,
+            threads: self.threads(),
             ..Limits::default()
         }
     }

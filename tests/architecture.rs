@@ -117,7 +117,7 @@ const PLACES: &[(&str, &[&str])] = &[
     ("getrandom", &["src/access", "src/delivery", "src/encrypted_file"]),
     // Connections are files.
     ("rlimit", &["src/app"]),
-    ("rustix", &["src/app/system.rs"]),
+    ("rustix", &["src/api/background.rs", "src/app/system.rs"]),
     ("tower", &["src/api", "src/dashboard", "src/app"]),
     ("tower_http", &["src/api", "src/dashboard", "src/app"]),
     ("utoipa_axum", &["src/api"]),
@@ -153,12 +153,12 @@ const PLACES: &[(&str, &[&str])] = &[
     // Every random number comes from one place.
     ("rand", &["crates/numerics/src/rng.rs"]),
     ("rand_chacha", &["crates/numerics/src/rng.rs"]),
-    // The pool is the process's: whoever starts the process sizes it.
+    // The pool of jobs is the process's: whoever starts the process sizes it. Requests have their own.
     ("rayon", &[
         "crates/simulation/src/batch.rs", "crates/greybox/src/estimation/refinement.rs",
         "crates/greybox/src/estimation/shooting.rs", "crates/greybox/src/estimation/noise_ladder.rs",
         "crates/greybox/src/estimation/search.rs", "crates/greybox/src/uncertainty",
-        "crates/greybox/src/identification/assemble/selection", "src/app", "src/cli",
+        "crates/greybox/src/identification/assemble/selection", "src/api/background.rs", "src/app", "src/cli",
     ]),
 ];
 

@@ -34,6 +34,11 @@ const BURST_S: f64 = 2.0;
 const SIGN_INS_PER_SECOND: f64 = 0.2;
 /// Attempts to sign in from one address that may come together.
 const SIGN_INS_AT_ONCE: f64 = 10.0;
+/// Requests from one address that say who asks and are refused, in a second in the long run, before answers to them
+/// are held back.
+const GUESSES_PER_SECOND: f64 = 5.0;
+/// Such requests that may come together.
+const GUESSES_AT_ONCE: f64 = 20.0;
 /// Tokens that are remembered at the most.
 const REMEMBERED: usize = 1000;
 /// How often at the most it is noted that a token was used.
@@ -81,6 +86,8 @@ pub struct Callers {
     pub(super) requests: Rates,
     /// How often it is tried to sign in.
     pub(super) sign_ins: Rates,
+    /// How often somebody asks who may not.
+    guesses: Rates,
     /// Whether everybody has to say who they are.
     asks: AtomicBool,
     looked: Mutex<Option<Instant>>,
@@ -124,6 +131,7 @@ impl Callers {
             is_shared: store.is_shared(),
             requests: Rates::new(per_second, per_second * BURST_S, limits.requests_at_once),
             sign_ins: Rates::new(SIGN_INS_PER_SECOND, SIGN_INS_AT_ONCE, u32::MAX),
+            guesses: Rates::new(GUESSES_PER_SECOND, GUESSES_AT_ONCE, u32::MAX),
             asks: AtomicBool::new(!settings.proxies.is_empty() || provider.is_some()),
             settings,
             provider,
@@ -192,6 +200,12 @@ impl Callers {
             has_session: true,
             ..client
         })
+    }
+
+    /// Counts the refusal of somebody who may not ask; says whether so many come from the address that each costs too
+    /// much.
+    pub(super) fn guesses_too_fast(&self, peer: Option<PeerAddress>) -> bool {
+        peer.is_some_and(|peer| self.guesses.count(&peer.to_text()).is_err())
     }
 
     /// The refusal of whoever does not say who asks, with the way to sign in where there is an identity provider.

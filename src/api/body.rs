@@ -56,6 +56,14 @@ enum Content {
 }
 
 impl Received {
+    /// How many bytes came.
+    fn bytes(&self) -> usize {
+        match &self.content {
+            Content::Memory(bytes) => bytes.len(),
+            Content::Disk(spool) => spool.bytes(),
+        }
+    }
+
     /// The bytes.
     pub fn into_reader(self) -> Answer<Box<dyn Read + Send>> {
         Ok(match self.content {
@@ -174,9 +182,9 @@ impl Bodies {
         P: FnOnce(&mut dyn Read) -> Result<T, Problem> + Send + 'static,
     {
         let digest = received.digest.clone();
-        let value = self
-            .work
-            .convert(move || parser(&mut received.into_reader()?));
+        let value = self.work.convert_bytes(received.bytes(), move || {
+            parser(&mut received.into_reader()?)
+        });
         Ok(Parsed {
             value: value.await?,
             digest,

@@ -448,7 +448,7 @@ pub async fn samples(
     }
     let points = query.max_points.unwrap_or(DEFAULT_POINTS);
     let points = usize::try_from(points).expect("the limit is small");
-    let written = bodies.work.convert(move || {
+    let written = bodies.work.convert_bytes(recording.bytes(), move || {
         let _permit = permit;
         let names = query.signals.as_deref();
         let samples = recording.decimate(names, query.from, query.to, points);

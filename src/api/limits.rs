@@ -21,6 +21,8 @@ pub struct Limits {
     pub computations_at_once: usize,
     /// Documents and recordings that are read or written at the same time at the most.
     pub conversions_at_once: usize,
+    /// Threads that compute for clients that wait.
+    pub threads: usize,
     /// The bytes that bodies on their way take of the disk at the most, all together.
     pub spool_bytes: u64,
     /// Event streams that are open at the same time at the most.
@@ -42,6 +44,7 @@ impl Default for Limits {
             recordings_at_once: 4,
             computations_at_once: 2,
             conversions_at_once: 4,
+            threads: 2,
             spool_bytes: 1 << 30,
             streams_at_once: 5000,
             requests_per_second: 200.0,

@@ -9,6 +9,7 @@ pub mod access;
 mod admission;
 pub mod audit;
 mod authorise;
+mod background;
 pub mod body;
 pub mod candidates;
 pub mod changes;

@@ -47,6 +47,12 @@ pub(super) struct Spool {
 }
 
 impl Spool {
+    /// How many bytes were written.
+    pub(super) fn bytes(&self) -> usize {
+        let held = self.held.as_ref();
+        held.map_or(0, |blocks| blocks.num_permits() * BLOCK) - self.left
+    }
+
     /// The bytes from the first on.
     pub(super) fn into_reader(mut self) -> io::Result<impl Read + Send> {
         self.file.rewind()?;

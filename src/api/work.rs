@@ -12,6 +12,7 @@ use std::time::Duration;
 use axum::http::StatusCode;
 
 use super::admission::Limited;
+use super::background::Background;
 use super::error::{Answer, Kind, Problem};
 use super::limits::Limits;
 use crate::admission::Permit;
@@ -21,6 +22,9 @@ use crate::event::EventHub;
 const LONGEST_COMPUTATION: Duration = Duration::from_secs(20);
 /// How long a computation whose time is up may take to say what it has.
 const LAST_ANSWER: Duration = Duration::from_secs(2);
+
+/// From how many bytes on a recording is read and written in the background.
+const LARGE_BYTES: usize = 1 << 20;
 
 /// Raises a stop flag when it goes out of scope.
 struct StopOnDrop(Arc<AtomicBool>);
@@ -42,6 +46,10 @@ pub struct Work {
     computations: Limited,
     /// Recordings that are in memory.
     recordings: Limited,
+    /// Threads that compute for clients that wait.
+    computing: Background,
+    /// Threads that read and write large recordings.
+    converting: Background,
 }
 
 impl Work {
@@ -55,6 +63,8 @@ impl Work {
                 "too many computations at once",
             ),
             recordings: Limited::new(limits.recordings_at_once, "too many recordings at once"),
+            computing: Background::new("request", limits.threads.max(limits.computations_at_once)),
+            converting: Background::new("recording", limits.threads / 2),
         }
     }
 
@@ -73,11 +83,24 @@ impl Work {
             let _place = place;
             work()
         });
-        done.await.unwrap_or_else(|panic| {
-            metrics::counter!("greybox_panics_total").increment(1);
-            tracing::error!(%panic, "work for a request panicked");
-            Err(Problem::of_status(StatusCode::INTERNAL_SERVER_ERROR))
-        })
+        done.await.unwrap_or_else(|panic| Err(panicked(panic)))
+    }
+
+    /// Runs what reads or writes so many bytes of a recording: many of them in the background.
+    pub(super) async fn convert_bytes<T: Send + 'static>(
+        &self,
+        bytes: usize,
+        work: impl FnOnce() -> Answer<T> + Send + 'static,
+    ) -> Answer<T> {
+        if bytes < LARGE_BYTES {
+            return self.convert(work).await;
+        }
+        let place = self.conversions.take().await?;
+        let done = self.converting.run(move || {
+            let _place = place;
+            work()
+        });
+        done.await.unwrap_or_else(|panic| Err(panicked(panic)))
     }
 
     /// Runs what computes. It looks at the flag, and comes to its end soon after that was raised.
@@ -89,27 +112,35 @@ impl Work {
         let stop = Arc::new(AtomicBool::new(false));
         let _stop_when_the_client_leaves = StopOnDrop(stop.clone());
         let flag = stop.clone();
-        let mut done = tokio::task::spawn_blocking(move || {
-            let _place = place;
-            work(&flag)
-        });
+        let computing = self.computing.clone();
+        let done = async move {
+            let done = computing.run(move || {
+                let _place = place;
+                work(&flag)
+            });
+            done.await.unwrap_or_else(|panic| Err(panicked(panic)))
+        };
+        tokio::pin!(done);
         tokio::select! {
-            done = &mut done => done.unwrap_or_else(|panic| {
-                metrics::counter!("greybox_panics_total").increment(1);
-                tracing::error!(%panic, "a computation for a request panicked");
-                Err(Problem::of_status(StatusCode::INTERNAL_SERVER_ERROR))
-            }),
+            done = &mut done => done,
             () = tokio::time::sleep(LONGEST_COMPUTATION) => {
                 stop.store(true, Ordering::Relaxed);
                 // The computation may have an answer by now.
-                match tokio::time::timeout(LAST_ANSWER, done).await {
-                    Ok(Ok(Ok(answer))) => Ok(answer),
+                match tokio::time::timeout(LAST_ANSWER, &mut done).await {
+                    Ok(Ok(answer)) => Ok(answer),
                     _ => Err(too_long()),
                 }
             }
             () = self.hub.closed() => Err(Problem::shutting_down()),
         }
     }
+}
+
+/// The answer to a request whose work panicked.
+fn panicked(panic: impl std::fmt::Display) -> Problem {
+    metrics::counter!("greybox_panics_total").increment(1);
+    tracing::error!(%panic, "work for a request panicked");
+    Problem::of_status(StatusCode::INTERNAL_SERVER_ERROR)
 }
 
 fn too_long() -> Problem {
@@ -127,9 +158,10 @@ pub(super) fn stopped() -> Problem {
 
 #[cfg(test)]
 mod tests {
-    use std::sync::mpsc;
+    use std::sync::{Barrier, mpsc};
 
     use axum::response::IntoResponse;
+    use rayon::prelude::*;
 
     use super::*;
     use crate::api::state::tests::state;
@@ -137,9 +169,7 @@ mod tests {
     /// Computes until it is told to stop, and says so.
     fn endless(told: mpsc::Sender<()>) -> impl FnOnce(&AtomicBool) -> Answer<()> + Send + 'static {
         move |stop| {
-            while !stop.load(Ordering::Relaxed) {
-                std::thread::yield_now();
-            }
+            wait_for(stop);
             told.send(()).expect("somebody waits");
             Ok(())
         }
@@ -163,6 +193,40 @@ mod tests {
         for _ in 0..4 {
             state.work.compute(|_| Ok(())).await.expect("a place");
         }
+    }
+
+    /// Computes in parallel until it is told to stop, from when others have begun too.
+    async fn compute_in_parallel(work: Work, begun: Arc<Barrier>) -> Answer<()> {
+        let computing = work.compute(move |stop| {
+            begun.wait();
+            let parts = 4 * rayon::current_num_threads();
+            (0..parts).into_par_iter().for_each(|_| wait_for(stop));
+            Ok(())
+        });
+        computing.await
+    }
+
+    /// Keeps the processor until a flag is raised.
+    fn wait_for(flag: &AtomicBool) {
+        while !flag.load(Ordering::Relaxed) {
+            std::thread::yield_now();
+        }
+    }
+
+    #[tokio::test(flavor = "multi_thread")]
+    async fn a_job_goes_on_while_requests_have_all_places_for_computing() {
+        let (state, _folder) = state().await;
+        let begun = Arc::new(Barrier::new(3));
+        for _ in 0..2 {
+            tokio::spawn(compute_in_parallel(state.work.clone(), begun.clone()));
+        }
+        let slice = tokio::task::spawn_blocking(move || {
+            begun.wait();
+            (0..1000_u64).into_par_iter().sum::<u64>()
+        });
+        let sum = tokio::time::timeout(LONGEST_COMPUTATION / 2, slice).await;
+        assert_eq!(sum.expect("the job goes on").expect("no panic"), 499_500);
+        state.hub.close();
     }
 
     #[tokio::test(flavor = "multi_thread")]

@@ -38,10 +38,11 @@ impl Telemetry {
         let targets: Targets = filter
             .parse()
             .map_err(|error| CommandError::input(format!("--log {filter}: {error}")))?;
-        let traces = settings
+        let otlp = &settings.otlp;
+        let traces = otlp
             .otlp_endpoint
             .as_deref()
-            .map(|endpoint| exporter(Collector::at(endpoint, settings.otlp_ca.as_deref())?))
+            .map(|endpoint| exporter(Collector::at(endpoint, otlp.otlp_ca.as_deref())?))
             .transpose()?;
         let spans = traces.as_ref().map(|traces| {
             let spans_alone = Targets::new().with_target(span::TARGET, LevelFilter::INFO);

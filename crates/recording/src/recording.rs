@@ -89,6 +89,12 @@ impl Recording {
         }
     }
 
+    /// The bytes of all samples as numbers of double precision.
+    #[must_use]
+    pub fn bytes(&self) -> usize {
+        self.time.samples() * self.signals.len() * size_of::<f64>()
+    }
+
     /// The signal of that name.
     #[must_use]
     pub fn signal(&self, name: &str) -> Option<&Signal> {

@@ -22,7 +22,7 @@ pub(in crate::api) async fn answer(
     permit: Permit,
 ) -> Answer {
     let spools = bodies.clone();
-    let written = bodies.work.convert(move || {
+    let written = bodies.work.convert_bytes(recording.bytes(), move || {
         let (_permit, mut recording) = (permit, recording);
         inert_names(&mut recording);
         let write = || {

@@ -109,7 +109,7 @@ pub(in crate::api) async fn cut_out(
     let mut recording = recording.ok_or_else(|| invalid("too_few_samples", too_few()))?;
     recording.name = name;
     let project = stream.project.clone();
-    let new = state.work.convert(move || {
+    let new = state.work.convert_bytes(recording.bytes(), move || {
         let summary = recording.summary();
         let copy = recording.clone();
         let (signals, rows) = Rows::of(copy).expect("a part of a stream has a start");
