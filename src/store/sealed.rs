@@ -174,6 +174,21 @@ pub(super) const MODELS: Sealed = Sealed {
     content: &[Text("digest"), Text("document"), Text("created_at")],
 };
 
+pub(super) const TOKENS: Sealed = Sealed {
+    what: "token",
+    table: "tokens",
+    key: &[Text("digest")],
+    // When a token was revoked and last used is written later, by older nodes too.
+    content: &[
+        Text("name"),
+        Text("scope"),
+        Text("streams"),
+        Text("project"),
+        Text("created_at"),
+        Text("expires_at"),
+    ],
+};
+
 pub(super) const SHARED_PARTS: Sealed = Sealed {
     what: "part",
     table: "shared_parts",
@@ -182,7 +197,7 @@ pub(super) const SHARED_PARTS: Sealed = Sealed {
 };
 
 /// All tables whose rows are sealed.
-pub(super) const TABLES: [&Sealed; 17] = [
+pub(super) const TABLES: [&Sealed; 18] = [
     &JOBS,
     &DATASETS,
     &DATASET_CHUNKS,
@@ -199,6 +214,7 @@ pub(super) const TABLES: [&Sealed; 17] = [
     &MONITOR_ALARMS,
     &MONITOR_EVENTS,
     &MODELS,
+    &TOKENS,
     &SHARED_PARTS,
 ];
 

@@ -6,8 +6,9 @@ use jiff::Timestamp;
 use sqlx::FromRow;
 
 use super::columns::{from_json, json, time};
+use super::database::QueryBuilder;
 use super::shared_database::Database;
-use super::tokens::{TokenColumns, TokenRow};
+use super::tokens::{self, TokenRow};
 use super::writer::in_transaction;
 use super::{StoreError, corrupt, database};
 use crate::access::Digest;
@@ -140,14 +141,10 @@ impl Sessions {
         token: i64,
         ends: Timestamp,
     ) -> Result<Option<SessionHolder>, StoreError> {
-        let row: Option<TokenColumns> = database::query_as(
-            "select id, name, scope, streams, project, created_at, expires_at, revoked_at, \
-             last_used_at from tokens where id = $1",
-        )
-        .bind(token)
-        .fetch_optional(&self.database.readers)
-        .await?;
-        let Some(row) = row.map(TokenColumns::read).transpose()? else {
+        let mut query = QueryBuilder::new(tokens::SELECT);
+        query.push(" where id = ").push_bind(token);
+        let row = query.build().fetch_optional(&self.database.readers).await?;
+        let Some(row) = row.as_ref().map(tokens::read).transpose()? else {
             return Ok(None);
         };
         let expires_at = Some(row.expires_at.map_or(ends, |end| end.min(ends)));

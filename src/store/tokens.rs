@@ -3,12 +3,12 @@
 use std::sync::Arc;
 
 use jiff::Timestamp;
-use sqlx::FromRow;
 
 use super::columns::{from_json, json, project, time};
 use super::database::postgres::Use;
-use super::database::{self, Losses, Pool, sqlite};
+use super::database::{self, Losses, Pool, QueryBuilder, Row, sqlite};
 use super::opening::{Opened, PATIENCE_OF_A_COMMAND};
+use super::sealed::TOKENS;
 use super::shared_database::Database;
 use super::writer::in_transaction;
 use super::{
@@ -64,46 +64,38 @@ impl TokenRow {
     }
 }
 
-#[derive(FromRow)]
-pub(super) struct TokenColumns {
-    id: i64,
-    name: String,
-    scope: String,
-    streams: Option<String>,
-    project: String,
-    created_at: String,
-    expires_at: Option<String>,
-    revoked_at: Option<String>,
-    last_used_at: Option<String>,
-}
+/// A statement up to its condition that reads tokens.
+pub(super) const SELECT: &str = "select id, name, digest, scope, streams, project, created_at, expires_at, \
+                                 revoked_at, last_used_at, seal from tokens";
 
-impl TokenColumns {
-    pub(super) fn read(self) -> Result<TokenRow, StoreError> {
-        let of = &self.name;
-        let optional = |at: Option<String>| at.map(|at| time(of, &at)).transpose();
-        let scope: Scope = self
-            .scope
-            .parse()
-            .map_err(|why| corrupt("scope", of, why))?;
-        let streams = self.streams.as_deref();
-        let streams = streams.map(|names| from_json("streams", of, names));
-        let streams: Option<StreamNames> = streams.transpose()?;
-        if streams.is_some() != (scope == Scope::Append) {
-            let why = format!("the scope is `{scope}`");
-            return Err(corrupt("streams", of, why));
-        }
-        Ok(TokenRow {
-            id: self.id,
-            scope,
-            streams,
-            project: project(of, &self.project)?,
-            created_at: time(of, &self.created_at)?,
-            expires_at: optional(self.expires_at)?,
-            revoked_at: optional(self.revoked_at)?,
-            last_used_at: optional(self.last_used_at)?,
-            name: self.name,
-        })
+/// A token of its row.
+pub(super) fn read(row: &Row) -> Result<TokenRow, StoreError> {
+    TOKENS.verify(row)?;
+    let of: &str = row.try_get("name")?;
+    let optional = |column: &str| {
+        let at: Option<&str> = row.try_get(column)?;
+        at.map(|at| time(of, at)).transpose()
+    };
+    let scope: &str = row.try_get("scope")?;
+    let scope: Scope = scope.parse().map_err(|why| corrupt("scope", of, why))?;
+    let streams: Option<&str> = row.try_get("streams")?;
+    let streams = streams.map(|names| from_json("streams", of, names));
+    let streams: Option<StreamNames> = streams.transpose()?;
+    if streams.is_some() != (scope == Scope::Append) {
+        let why = format!("the scope is `{scope}`");
+        return Err(corrupt("streams", of, why));
     }
+    Ok(TokenRow {
+        id: row.try_get("id")?,
+        scope,
+        streams,
+        project: project(of, row.try_get("project")?)?,
+        created_at: time(of, row.try_get("created_at")?)?,
+        expires_at: optional("expires_at")?,
+        revoked_at: optional("revoked_at")?,
+        last_used_at: optional("last_used_at")?,
+        name: of.to_owned(),
+    })
 }
 
 /// Tokens as a server asks for them.
@@ -125,14 +117,10 @@ impl Tokens {
 
     /// The token of a secret, valid or not.
     pub async fn find(&self, digest: &Digest) -> Result<Option<TokenRow>, StoreError> {
-        let row: Option<TokenColumns> = database::query_as(
-            "select id, name, scope, streams, project, created_at, expires_at, revoked_at, \
-             last_used_at from tokens where digest = $1",
-        )
-        .bind(digest.as_str())
-        .fetch_optional(&self.database.readers)
-        .await?;
-        row.map(TokenColumns::read).transpose()
+        let mut query = QueryBuilder::new(SELECT);
+        query.push(" where digest = ").push_bind(digest.as_str());
+        let row = query.build().fetch_optional(&self.database.readers).await?;
+        row.as_ref().map(read).transpose()
     }
 
     /// Notes that a token was used now.
@@ -156,17 +144,30 @@ impl Tokens {
 pub async fn create(database: &DatabasePlace, new: NewToken) -> Result<bool, StoreError> {
     let connection = open(database).await?;
     let mut tx = connection.begin_write_in_turn().await?;
+    let streams = new.streams.as_ref().map(json);
+    let created_at = Timestamp::now().to_string();
+    let expires_at = new.expires_at.map(|at| at.to_string());
+    let seal = TOKENS.seal(&[
+        new.digest.as_str().into(),
+        (&new.name).into(),
+        new.scope.as_str().into(),
+        (&streams).into(),
+        new.project.as_str().into(),
+        (&created_at).into(),
+        (&expires_at).into(),
+    ]);
     let made = database::query(
-        "insert into tokens (name, digest, scope, streams, project, created_at, expires_at) \
-         values ($1, $2, $3, $4, $5, $6, $7) on conflict do nothing",
+        "insert into tokens (name, digest, scope, streams, project, created_at, expires_at, seal) \
+         values ($1, $2, $3, $4, $5, $6, $7, $8) on conflict do nothing",
     )
     .bind(&new.name)
     .bind(new.digest.as_str())
     .bind(new.scope.as_str())
-    .bind(new.streams.as_ref().map(json))
+    .bind(&streams)
     .bind(new.project.as_str())
-    .bind(Timestamp::now().to_string())
-    .bind(new.expires_at.map(|at| at.to_string()))
+    .bind(&created_at)
+    .bind(&expires_at)
+    .bind(seal)
     .execute(&mut tx)
     .await?;
     if made == 1 {
@@ -193,14 +194,11 @@ pub async fn create(database: &DatabasePlace, new: NewToken) -> Result<bool, Sto
 /// The database cannot be opened or read.
 pub async fn list(database: &DatabasePlace) -> Result<Vec<TokenRow>, StoreError> {
     let connection = open(database).await?;
-    let rows: Vec<TokenColumns> = database::query_as(
-        "select id, name, scope, streams, project, created_at, expires_at, revoked_at, \
-         last_used_at from tokens order by id",
-    )
-    .fetch_all(&connection)
-    .await?;
+    let mut query = QueryBuilder::new(SELECT);
+    query.push(" order by id");
+    let rows = query.build().fetch_all(&connection).await;
     connection.close().await;
-    rows.into_iter().map(TokenColumns::read).collect()
+    rows?.iter().map(read).collect()
 }
 
 /// Ends the token of a name, and enters that into the audit log. Says whether there was one. Returns when no server believes any more what it
