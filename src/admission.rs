@@ -17,6 +17,8 @@ pub struct Admission(Arc<Mutex<State>>);
 #[derive(Debug)]
 struct State {
     free: usize,
+    /// Permits that one caller may hold.
+    most_of_one: usize,
     waiting: VecDeque<Waiting>,
     /// Callers that hold a permit or wait for one.
     callers: HashMap<Arc<str>, Turns>,
@@ -50,8 +52,16 @@ impl Admission {
     /// An admission with so many permits.
     #[must_use]
     pub fn new(free: usize) -> Self {
+        Self::with_limit(free, free)
+    }
+
+    /// An admission with so many permits, of which one caller holds so many at the most: others find one free while a
+    /// caller asks for more than there is.
+    #[must_use]
+    pub fn with_limit(free: usize, most_of_one: usize) -> Self {
         Self(Arc::new(Mutex::new(State {
             free,
+            most_of_one,
             waiting: VecDeque::new(),
             callers: HashMap::new(),
             given: 0,
@@ -72,10 +82,16 @@ impl Admission {
     /// A permit for a caller, where one is free that nobody waits for.
     #[must_use]
     pub fn take_free(&self, caller: impl Into<Arc<str>>) -> Option<Permit> {
+        let caller = caller.into();
         let mut state = self.0.lock();
-        let is_free = state.free > 0 && state.waiting.is_empty();
+        let waits = |state: &State| {
+            state
+                .waiting
+                .iter()
+                .any(|request| state.may_have(&request.caller))
+        };
+        let is_free = state.free > 0 && state.may_have(&caller) && !waits(&state);
         is_free.then(|| {
-            let caller = caller.into();
             state.give(&caller);
             self.permit(caller)
         })
@@ -130,6 +146,12 @@ impl State {
         self.waiting.push_back(request);
     }
 
+    /// Whether a caller holds fewer permits than one caller may.
+    fn may_have(&self, caller: &Arc<str>) -> bool {
+        let turns = self.callers.get(caller);
+        turns.is_none_or(|turns| turns.held < self.most_of_one)
+    }
+
     fn next(&mut self) -> Option<Waiting> {
         if self.free == 0 {
             return None;
@@ -139,7 +161,9 @@ impl State {
             let turns = turns.copied().unwrap_or_default();
             (turns.held, turns.last, *place)
         };
-        let (place, _) = self.waiting.iter().enumerate().min_by_key(turn)?;
+        let waiting = self.waiting.iter().enumerate();
+        let waiting = waiting.filter(|(_, request)| self.may_have(&request.caller));
+        let (place, _) = waiting.min_by_key(turn)?;
         let request = self.waiting.remove(place)?;
         self.give(&request.caller);
         Some(request)
@@ -205,6 +229,21 @@ mod tests {
         drop((newcomer, turn));
         let last = again.now_or_never();
         assert!(last.is_some());
+    }
+
+    #[tokio::test]
+    async fn the_last_permit_is_for_others_than_whoever_holds_the_most_of_one() {
+        let admission = Admission::with_limit(2, 1);
+        let first = admission.take("a").await;
+        let mut second = Box::pin(admission.take("a"));
+        assert!((&mut second).now_or_never().is_none());
+        assert!(admission.take_free("a").is_none());
+        assert!(admission.take_free("b").is_some());
+        let permit_of_b = admission.take("b").now_or_never().expect("it is free");
+        drop(first);
+        drop(second.now_or_never().expect("its turn"));
+        drop(permit_of_b);
+        assert_eq!(admission.free(), 2);
     }
 
     #[tokio::test]

@@ -202,10 +202,12 @@ impl Callers {
         })
     }
 
-    /// Counts the refusal of somebody who may not ask; says whether so many come from the address that each costs too
-    /// much.
-    pub(super) fn guesses_too_fast(&self, peer: Option<PeerAddress>) -> bool {
-        peer.is_some_and(|peer| self.guesses.count(&peer.to_text()).is_err())
+    /// Counts the refusal of somebody who may not ask. It comes later where many come from the address.
+    pub(super) async fn count_guess(&self, peer: Option<PeerAddress>) {
+        if let Some(peer) = peer {
+            // The answer is the refusal, whether there are many or not.
+            let _ = self.guesses.count(&peer.to_text()).await;
+        }
     }
 
     /// The refusal of whoever does not say who asks, with the way to sign in where there is an identity provider.

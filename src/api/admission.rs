@@ -38,7 +38,8 @@ pub(super) struct Limited {
 impl Limited {
     pub(super) fn new(permits: usize, too_many: &'static str) -> Self {
         Self {
-            admission: Admission::new(permits),
+            // Whoever asks for all of them at once leaves one to others.
+            admission: Admission::with_limit(permits, permits.saturating_sub(1).max(1)),
             too_many,
             longest_wait: LONGEST_QUEUE,
         }

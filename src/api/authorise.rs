@@ -20,8 +20,6 @@ use super::sinks::credentials;
 use super::sinks::protocol::Protocol;
 use crate::access::Scope;
 
-/// How long an answer to whoever asks too fast is held back. A flood of refusals takes the server's time else.
-const HELD_BACK: Duration = Duration::from_millis(500);
 /// How often it is looked whether the reader of a stream may still ask.
 const LOOKED_AGAIN: Duration = Duration::from_secs(2);
 
@@ -77,19 +75,17 @@ pub(super) async fn authorise(
     let client = match client {
         Ok(client) => client,
         Err(problem) => {
-            if callers.guesses_too_fast(peer) {
-                tokio::time::sleep(HELD_BACK).await;
-            }
+            callers.count_guess(peer).await;
             return callers.with_way_in(problem).into_response();
         }
     };
     let forgeable = client.has_session && !matches!(*request.method(), Method::GET | Method::HEAD);
-    let counted = client.is_known.then(|| callers.requests.count(&client.who));
+    let counted = match client.is_known {
+        true => Some(callers.requests.count(&client.who).await),
+        false => None,
+    };
     let mut response = match counted.transpose() {
-        Err(problem) => {
-            tokio::time::sleep(HELD_BACK).await;
-            problem.into_response()
-        }
+        Err(problem) => problem.into_response(),
         Ok(_) if forgeable && !session_cookie::brings_csrf_token(request.headers()) => {
             session_cookie::no_csrf_token().into_response()
         }

@@ -5,41 +5,59 @@
 use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::sync::Arc;
 
+use parking_lot::Mutex;
 use rayon::{ThreadPool, ThreadPoolBuilder};
 use tokio::sync::oneshot;
+
+use crate::admission::Permit;
 
 /// Work whose thread panicked.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
 #[error("it panicked")]
 pub(super) struct Panicked;
 
-/// Threads of lower priority. Cheap to clone.
+/// Groups of threads of lower priority. Work has a group to itself, so that a short computation does not wait for the
+/// parts of a long one. Cheap to clone.
 #[derive(Clone)]
-pub(super) struct Background(Arc<ThreadPool>);
+pub(super) struct Background(Arc<Mutex<Vec<Arc<ThreadPool>>>>);
 
 impl Background {
-    /// So many threads with a name. What they do in parallel they divide among themselves.
-    pub(super) fn new(name: &'static str, threads: usize) -> Self {
-        let pool = ThreadPoolBuilder::new()
-            .num_threads(threads.max(1))
-            .thread_name(move |number| format!("{name}-{number}"))
-            .start_handler(|_| platform::give_way())
-            .build();
-        Self(Arc::new(pool.expect("the system starts a thread")))
+    /// So many groups of so many threads with a name; at most as much work is run at the same time as there are groups.
+    pub(super) fn new(name: &'static str, groups: usize, threads: usize) -> Self {
+        let group = |_| {
+            let group = ThreadPoolBuilder::new()
+                .num_threads(threads.max(1))
+                .thread_name(move |number| format!("{name}-{number}"))
+                .start_handler(|_| platform::give_way())
+                .build();
+            Arc::new(group.expect("the system starts a thread"))
+        };
+        Self(Arc::new(Mutex::new((0..groups).map(group).collect())))
     }
 
-    /// Runs work once a thread is free for it.
+    /// Runs work for whoever has one of as many places as there are groups. What the work does in parallel its group
+    /// divides among its threads.
     ///
     /// # Errors
     /// The work panics.
     pub(super) async fn run<T: Send + 'static>(
         &self,
+        place: Permit,
         work: impl FnOnce() -> T + Send + 'static,
     ) -> Result<T, Panicked> {
         let (sender, done) = oneshot::channel();
-        self.0.spawn_fifo(move || {
+        let groups = self.0.clone();
+        let group = groups
+            .lock()
+            .pop()
+            .expect("there is a group for each place");
+        let group_of_the_work = group.clone();
+        group.spawn_fifo(move || {
+            let value = catch_unwind(AssertUnwindSafe(work));
+            groups.lock().push(group_of_the_work);
+            drop(place);
             // Whoever waited may have left.
-            let _ = sender.send(catch_unwind(AssertUnwindSafe(work)));
+            let _ = sender.send(value);
         });
         match done.await {
             Ok(Ok(value)) => Ok(value),
@@ -55,9 +73,9 @@ mod platform {
     use rustix::process::{Pid, setpriority_process};
     use rustix::thread::gettid;
 
-    /// How nice the threads are: against one thread of a job each has a sixth of a processor, and all of it where no job
-    /// is at work.
-    const NICENESS: i32 = 7;
+    /// How nice the threads are: against one thread of a job each has a seventh of a processor, and all of it where no
+    /// job is at work.
+    const NICENESS: i32 = 8;
 
     /// Lowers the priority of this thread.
     pub(super) fn give_way() {
@@ -78,23 +96,28 @@ mod platform {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::admission::Admission;
 
     #[tokio::test]
     async fn work_is_done_beside_others_and_a_panic_is_told() {
-        let background = Background::new("test", 1);
-        let value = background.run(rayon::current_num_threads).await;
-        assert_eq!(value, Ok(1));
-        let panicked = background.run(|| panic!("on purpose")).await;
+        let (background, places) = (Background::new("test", 1, 3), Admission::new(1));
+        let place = places.take("a").await;
+        let value = background.run(place, rayon::current_num_threads).await;
+        assert_eq!(value, Ok(3));
+        let place = places.take("a").await;
+        let panicked = background.run(place, || panic!("on purpose")).await;
         assert_eq!(panicked, Err::<(), _>(Panicked));
-        assert_eq!(background.run(|| 2).await, Ok(2));
+        let place = places.take("a").await;
+        assert_eq!(background.run(place, || 2).await, Ok(2));
     }
 
     #[cfg(target_os = "linux")]
     #[tokio::test]
     async fn its_threads_give_way_to_others() {
         let nice = || rustix::process::getpriority_process(Some(rustix::thread::gettid()));
-        let background = Background::new("test", 1);
-        let niceness = background.run(nice).await.expect("no panic");
+        let (background, places) = (Background::new("test", 1, 1), Admission::new(1));
+        let place = places.take("a").await;
+        let niceness = background.run(place, nice).await.expect("no panic");
         let niceness = niceness.expect("a priority");
         let of_this_thread = nice().expect("a priority");
         assert!(niceness > of_this_thread, "{niceness} {of_this_thread}");

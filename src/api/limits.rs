@@ -42,7 +42,7 @@ impl Default for Limits {
             job_derivatives: 1e15,
             max_duration_s: 86_400.0,
             recordings_at_once: 4,
-            computations_at_once: 2,
+            computations_at_once: 3,
             conversions_at_once: 4,
             threads: 2,
             spool_bytes: 1 << 30,

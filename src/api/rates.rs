@@ -9,6 +9,8 @@ use axum::response::Response;
 use super::error::{Answer, Kind, Problem};
 use super::watched_body::watched;
 
+/// How long the refusal of a caller that asks too fast is held back. A flood of refusals takes the server's time else.
+const HELD_BACK: Duration = Duration::from_millis(500);
 /// A caller that has asked nothing for so long is forgotten first.
 const IDLE: Duration = Duration::from_secs(60);
 /// Callers that are remembered before those that are idle are forgotten.
@@ -46,8 +48,16 @@ impl Rates {
         self.callers.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
-    /// Counts a request of a caller, which is under way until what is answered is dropped.
-    pub(super) fn count(&self, who: &str) -> Answer<UnderWay> {
+    /// Counts a request of a caller, which is under way until what is answered is dropped. A refusal comes later.
+    pub(super) async fn count(&self, who: &str) -> Answer<UnderWay> {
+        let counted = self.admit(who);
+        if counted.is_err() {
+            tokio::time::sleep(HELD_BACK).await;
+        }
+        counted
+    }
+
+    fn admit(&self, who: &str) -> Answer<UnderWay> {
         let now = Instant::now();
         let most = self.burst;
         let mut callers = self.callers();
@@ -122,21 +132,21 @@ mod tests {
     fn a_caller_that_asks_too_fast_waits_and_others_do_not() {
         // One in an hour: time that the test takes counts for nothing.
         let rates = Rates::new(1.0 / 3600.0, 1.0, 10);
-        let first = rates.count("a");
+        let first = rates.admit("a");
         assert!(first.is_ok());
-        let refused = rates.count("a").err().expect("too fast").into_response();
+        let refused = rates.admit("a").err().expect("too fast").into_response();
         assert_eq!(refused.status(), StatusCode::TOO_MANY_REQUESTS);
-        assert!(rates.count("b").is_ok());
+        assert!(rates.admit("b").is_ok());
     }
 
     #[test]
     fn a_request_is_under_way_until_its_answer_is_dropped() {
         let rates = Rates::new(1e6, 1e6, 1);
-        let answer = rates.count("a").expect("the first");
+        let answer = rates.admit("a").expect("the first");
         let answer = answer.until_the_end_of(Response::new(Body::from("x")));
         assert_eq!(answer.body().size_hint().exact(), Some(1));
-        assert!(rates.count("a").is_err());
+        assert!(rates.admit("a").is_err());
         drop(answer);
-        assert!(rates.count("a").is_ok());
+        assert!(rates.admit("a").is_ok());
     }
 }

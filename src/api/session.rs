@@ -95,7 +95,7 @@ pub async fn sign_in(
     let peer = request.extensions().get::<PeerAddress>();
     let address = peer.map_or_else(String::new, PeerAddress::to_text);
     let attempts = format!("attempts to sign in from {address}");
-    let _counted = callers.sign_ins.count(&attempts)?;
+    let _counted = callers.sign_ins.count(&attempts).await?;
     let headers = request.headers().clone();
     let document = JsonDocument::from_request(request, &bodies).await?;
     let token = read_document(&document.value, read).map_err(Problem::of_document)?;

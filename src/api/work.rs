@@ -63,8 +63,8 @@ impl Work {
                 "too many computations at once",
             ),
             recordings: Limited::new(limits.recordings_at_once, "too many recordings at once"),
-            computing: Background::new("request", limits.threads.max(limits.computations_at_once)),
-            converting: Background::new("recording", limits.threads / 2),
+            computing: Background::new("request", limits.computations_at_once, limits.threads / 2),
+            converting: Background::new("recording", limits.conversions_at_once, 1),
         }
     }
 
@@ -96,11 +96,8 @@ impl Work {
             return self.convert(work).await;
         }
         let place = self.conversions.take().await?;
-        let done = self.converting.run(move || {
-            let _place = place;
-            work()
-        });
-        done.await.unwrap_or_else(|panic| Err(panicked(panic)))
+        let done = self.converting.run(place, work).await;
+        done.unwrap_or_else(|panic| Err(panicked(panic)))
     }
 
     /// Runs what computes. It looks at the flag, and comes to its end soon after that was raised.
@@ -114,11 +111,8 @@ impl Work {
         let flag = stop.clone();
         let computing = self.computing.clone();
         let done = async move {
-            let done = computing.run(move || {
-                let _place = place;
-                work(&flag)
-            });
-            done.await.unwrap_or_else(|panic| Err(panicked(panic)))
+            let done = computing.run(place, move || work(&flag)).await;
+            done.unwrap_or_else(|panic| Err(panicked(panic)))
         };
         tokio::pin!(done);
         tokio::select! {
@@ -164,6 +158,7 @@ mod tests {
     use rayon::prelude::*;
 
     use super::*;
+    use crate::api::admission::as_caller;
     use crate::api::state::tests::state;
 
     /// Computes until it is told to stop, and says so.
@@ -184,7 +179,7 @@ mod tests {
         let (state, _folder) = state().await;
         let (told, stopped) = mpsc::channel();
         let client = tokio::spawn(ask(state.work.clone(), told));
-        while state.work.computations.free() == 2 {
+        while state.work.computations.free() == 3 {
             tokio::task::yield_now().await;
         }
         client.abort();
@@ -195,15 +190,15 @@ mod tests {
         }
     }
 
-    /// Computes in parallel until it is told to stop, from when others have begun too.
-    async fn compute_in_parallel(work: Work, begun: Arc<Barrier>) -> Answer<()> {
+    /// Computes in parallel for a caller until it is told to stop, from when others have begun too.
+    async fn compute_in_parallel(who: &str, work: Work, begun: Arc<Barrier>) -> Answer<()> {
         let computing = work.compute(move |stop| {
             begun.wait();
             let parts = 4 * rayon::current_num_threads();
             (0..parts).into_par_iter().for_each(|_| wait_for(stop));
             Ok(())
         });
-        computing.await
+        as_caller(who, computing).await
     }
 
     /// Keeps the processor until a flag is raised.
@@ -216,9 +211,9 @@ mod tests {
     #[tokio::test(flavor = "multi_thread")]
     async fn a_job_goes_on_while_requests_have_all_places_for_computing() {
         let (state, _folder) = state().await;
-        let begun = Arc::new(Barrier::new(3));
-        for _ in 0..2 {
-            tokio::spawn(compute_in_parallel(state.work.clone(), begun.clone()));
+        let begun = Arc::new(Barrier::new(4));
+        for who in ["a", "b", "c"] {
+            tokio::spawn(compute_in_parallel(who, state.work.clone(), begun.clone()));
         }
         let slice = tokio::task::spawn_blocking(move || {
             begun.wait();

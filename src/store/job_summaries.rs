@@ -7,7 +7,7 @@ use serde::Deserialize;
 
 use super::columns::{from_json, optional, optional_time, parse_id, parse_status, time};
 use super::database::{Kind, QueryBuilder, Row};
-use super::jobs::{Jobs, method, push_filter};
+use super::jobs::{Jobs, method, push_filter, trust};
 use super::{JobFilter, Page, StoreError, corrupt};
 use crate::access::Project;
 use crate::job::Status;
@@ -55,11 +55,16 @@ pub struct NamedDataset {
 }
 
 const COLUMNS: &str = "id, project, name, labels, model, status, progress, created_at, started_at, \
-     finished_at, (select trust from results where job = jobs.id) as trust, ";
+     finished_at, ";
 
-/// What is made of other columns: the method of a job, and its recordings as JSON.
+/// What is made of other columns: the method of a job, its recordings as JSON, and the grade of its result.
 fn made(kind: Kind) -> String {
-    format!("{} as method, {}", method(kind), datasets(kind))
+    format!(
+        "{} as method, {}, (select {} from results where job = jobs.id) as trust",
+        method(kind),
+        datasets(kind),
+        trust(kind)
+    )
 }
 
 /// The recordings of a job as JSON.

@@ -230,7 +230,10 @@ pub(super) fn push_filter(query: &mut QueryBuilder, kind: Kind, filter: &JobFilt
     }
     if let Some(trust) = &filter.trust {
         query
-            .push(" and id in (select job from results where trust = ")
+            .push(format_args!(
+                " and id in (select job from results where {} = ",
+                self::trust(kind)
+            ))
             .push_bind(trust.clone())
             .push(")");
     }
@@ -248,6 +251,11 @@ pub(super) fn push_filter(query: &mut QueryBuilder, kind: Kind, filter: &JobFilt
 /// The name of a job's method; nothing where its specification is damaged so that it cannot be read.
 pub(super) fn method(kind: Kind) -> &'static str {
     kind.either("case when json_valid(spec) then method end", "method")
+}
+
+/// The grade of a result's verdict; nothing where the result is damaged so that it cannot be read.
+pub(super) fn trust(kind: Kind) -> &'static str {
+    kind.either("case when json_valid(outcome) then trust end", "trust")
 }
 
 fn push_search(query: &mut QueryBuilder, kind: Kind, text: &str) {

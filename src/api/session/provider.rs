@@ -56,7 +56,7 @@ pub async fn leave(
     extensions: Extensions,
 ) -> Answer {
     let provider = provider(&callers)?;
-    let _counted = count(&callers, "leave for the provider", &extensions)?;
+    let _counted = count(&callers, "leave for the provider", &extensions).await?;
     let secret = super::new_secret()?;
     let attempt = SignInAttempt::new(secret.clone());
     let url = provider.authorization_url(&attempt).await;
@@ -90,7 +90,7 @@ pub async fn arrive(
         let detail = "this browser has not begun to sign in here, or more than ten minutes ago; begin again at the page";
         Problem::new(Kind::Forbidden, detail)
     })?;
-    let (_counted, address) = count(&callers, "come back from the provider", &extensions)?;
+    let (_counted, address) = count(&callers, "come back from the provider", &extensions).await?;
     let person = provider.person(returned.code()?, &attempt).await;
     let person = person.map_err(failed)?;
     let client = callers.person_in_groups(&person.name, &person.groups, &address)?;
@@ -143,12 +143,15 @@ fn provider(callers: &Callers) -> Answer<&Provider> {
 }
 
 /// Counts an attempt of an address, which is answered too.
-fn count(callers: &Callers, what: &str, extensions: &Extensions) -> Answer<(impl Sized, String)> {
+async fn count(
+    callers: &Callers,
+    what: &str,
+    extensions: &Extensions,
+) -> Answer<(impl Sized + use<>, String)> {
     let peer = extensions.get::<PeerAddress>();
     let address = peer.map_or_else(String::new, PeerAddress::to_text);
-    let counted = callers
-        .sign_ins
-        .count(&format!("attempts to {what} from {address}"))?;
+    let attempts = format!("attempts to {what} from {address}");
+    let counted = callers.sign_ins.count(&attempts).await?;
     Ok((counted, address))
 }
 
