@@ -1,5 +1,6 @@
 """What is kept: backups of a server at work, damaged files, what jobs were predicted to cost, memory."""
 
+import contextlib
 import http.client
 import os
 import random
@@ -181,8 +182,28 @@ def cost(options):
     return within >= 0.9 and evaluations >= 0.9
 
 
+# The guide's table of what fills the disk (src/dashboard/docs/running.md), in bytes of the file's pages: a job of 20
+# generations of 8 candidates, of it each candidate, and an entry of the audit log.
+JOB_BYTES, JOB_CANDIDATES, CANDIDATE_BYTES, AUDIT_ENTRY_BYTES = 67_600, 160, 61, 160
+# The file may be so many times as large as the table foretells.
+MOST_OF_FORETOLD = 1.5
+
+
+def foretold_bytes(path):
+    """The bytes that the table gives for what a database holds: its jobs, recordings and audit entries."""
+    with contextlib.closing(sqlite3.connect(path)) as opened:
+        ask = lambda statement: opened.execute(statement).fetchone()[0] or 0
+        jobs = ask("select count(*) from jobs where finished_at is not null")
+        entries = ask("select count(*) from audit")
+        recordings, samples = ask("select count(*) from datasets"), ask("select sum(bytes) from datasets")
+        candidates = ask("select sum(kept) from candidate_records")
+    # What a job has beside its candidates does not depend on their number.
+    bytes_of_jobs = jobs * (JOB_BYTES - JOB_CANDIDATES * CANDIDATE_BYTES) + candidates * CANDIDATE_BYTES
+    return bytes_of_jobs + samples + entries * AUDIT_ENTRY_BYTES, (jobs, recordings, entries)
+
+
 def memory(options):
-    """Many requests and jobs in short time, and what the process has of memory meanwhile."""
+    """Many requests and jobs in short time, and what the process has of memory and of disk."""
     requests, jobs = options.count or 100_000, (options.count or 100_000) // 100
     with tempfile.TemporaryDirectory() as folder:
         server = Server(options, folder, "--keep-jobs", "200")
@@ -216,8 +237,12 @@ def memory(options):
             time.sleep(1)
             seen.append(server.memory_mib())
         took = time.monotonic() - began
+        has = sum(os.path.getsize(server.path + end) for end in ("", "-wal") if os.path.exists(server.path + end))
+        foretold, (kept_jobs, recordings, entries) = foretold_bytes(server.path)
         server.terminate()
     quarters = [max(part) for part in (seen[k * len(seen) // 4:(k + 1) * len(seen) // 4] for k in range(4)) if part]
     print(f"memory: {requests} requests and {jobs} jobs in {took:.0f} s; the most of each quarter "
-          f"{', '.join(f'{mib:.0f}' for mib in quarters)} MiB")
-    return quarters[-1] <= 1.1 * quarters[1]
+          f"{', '.join(f'{mib:.0f}' for mib in quarters)} MiB; the database takes {has / 2**20:.1f} MiB of disk with its log, "
+          f"where the guide foretells {foretold / 2**20:.1f} MiB for {kept_jobs} jobs, {recordings} recordings and "
+          f"{entries} entries of the audit log", flush=True)
+    return quarters[-1] <= 1.1 * quarters[1] and has <= MOST_OF_FORETOLD * foretold

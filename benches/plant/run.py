@@ -4,8 +4,8 @@
     python3 benches/plant/run.py full slow turns --program target/release/greybox
 
 Each prints a line of figures; the status is 1 where one is not what was promised. It needs nothing beyond
-Python itself and Linux; those whose names begin with `nodes` need a PostgreSQL. Servers listen on loopback, with databases of their own in the folder for temporary
-files.
+Python itself and Linux; those whose names begin with `nodes` need a PostgreSQL, and `bytes` uses one where there is
+one. Servers listen on loopback, with databases of their own in the folder for temporary files.
 """
 
 import argparse
@@ -13,6 +13,7 @@ import os
 import signal
 import sys
 
+import bytes as changed_bytes
 import kept
 import nodes
 import outside
@@ -35,6 +36,7 @@ ALL = {
     "resources": resources.resources,
     "memory": kept.memory,
     "soak": soak.soak,
+    "bytes": changed_bytes.bytes_,
     **nodes.ALL,
     **overlap.ALL,
     **together.ALL,
