@@ -242,9 +242,12 @@ pub(super) async fn tell(
             .await?;
     let mut places = Vec::with_capacity(all.len());
     for (id, events) in all {
-        let events: Vec<String> = columns::from_json("webhook", &id, &events)?;
-        if events.iter().any(|wanted| wanted == event) {
-            places.push(id);
+        let events: Result<Vec<String>, StoreError> = columns::from_json("webhook", &id, &events);
+        match events {
+            Ok(events) if events.iter().any(|wanted| wanted == event) => places.push(id),
+            Ok(_) => {}
+            // A damaged webhook is told nothing; what the event is about goes on.
+            Err(error) => tracing::error!(%error, "a webhook is left out"),
         }
     }
     if places.is_empty() {

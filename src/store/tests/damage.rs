@@ -2,6 +2,7 @@
 
 use super::*;
 use crate::access::{Digest, Scope, Secret};
+use crate::job::WebhookId;
 use crate::store::backup as file;
 use crate::store::database::QueryBuilder;
 use crate::store::sealed::check::{Checked, look, seal_all};
@@ -13,6 +14,7 @@ on_both! {
     a_changed_checkpoint_is_not_used_and_the_job_goes_back,
     changed_results_events_generations_and_candidates_are_found_when_they_are_read,
     a_changed_token_is_found_when_it_is_used,
+    a_job_ends_where_a_webhook_is_damaged,
     rows_in_each_others_place_are_found,
     changes_of_any_column_are_found_by_check,
     rows_without_a_seal_are_counted_until_they_are_sealed,
@@ -214,6 +216,27 @@ async fn a_changed_token_is_found_when_it_is_used(fixture: Fixture) {
     harm(&fixture, "update tokens set project = 'hall-3'").await;
     is_damage(fixture.store.tokens().find(&digest).await, "token");
     assert_eq!(looked(&fixture).await.findings.len(), 1);
+}
+
+async fn a_job_ends_where_a_webhook_is_damaged(fixture: Fixture) {
+    let webhook = WebhookRow {
+        id: WebhookId::new(),
+        project: Project::default(),
+        url: "https://mes.plant.example/greybox".to_owned(),
+        events: vec!["job.ended".to_owned()],
+        secret: "whsec_1".to_owned(),
+        created_at: jiff::Timestamp::now(),
+    };
+    let made = fixture.store.webhooks().insert(webhook).await;
+    assert!(made.is_ok());
+    let slice = at_work(&fixture).await;
+    harm(&fixture, "update webhooks set events = '['").await;
+    assert_eq!(fixture.finish(&slice, Status::Succeeded).await, Hold::Kept);
+    let row = fixture.store.jobs().find(slice.lease.job).await;
+    assert_eq!(
+        row.expect("a read").expect("a job").status,
+        Status::Succeeded
+    );
 }
 
 async fn changes_of_any_column_are_found_by_check(fixture: Fixture) {
