@@ -37,7 +37,7 @@ const SIGN_INS_AT_ONCE: f64 = 10.0;
 /// Requests from one address that say who asks and are refused, in a second in the long run, before answers to them
 /// are held back.
 const GUESSES_PER_SECOND: f64 = 5.0;
-/// Such requests that may come together.
+/// Refused requests from one address that may come together before answers are held back.
 const GUESSES_AT_ONCE: f64 = 20.0;
 /// Tokens that are remembered at the most.
 const REMEMBERED: usize = 1000;

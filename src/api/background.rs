@@ -22,7 +22,7 @@ pub(super) struct Panicked;
 pub(super) struct Background(Arc<Mutex<Vec<Arc<ThreadPool>>>>);
 
 impl Background {
-    /// So many groups of so many threads with a name; at most as much work is run at the same time as there are groups.
+    /// Makes `groups` groups of `threads` threads each; at most as much work is run at the same time as there are groups.
     pub(super) fn new(name: &'static str, groups: usize, threads: usize) -> Self {
         let group = |_| {
             let group = ThreadPoolBuilder::new()
