@@ -57,7 +57,7 @@ pub struct NamedDataset {
 const COLUMNS: &str = "id, project, name, labels, model, status, progress, created_at, started_at, \
      finished_at, ";
 
-/// What is made of other columns: the method of a job, its recordings as JSON, and the grade of its result.
+/// The columns that are computed from others: the method of a job, its recordings as JSON, the grade of its result.
 fn made(kind: Kind) -> String {
     format!(
         "{} as method, {}, (select {} from results where job = jobs.id) as trust",

@@ -24,6 +24,20 @@ impl Fixture {
     }
 }
 
+/// A database that was restored has these jobs.
+async fn assert_has(fixture: &Fixture, restored: PathBuf, jobs: &[JobRow]) {
+    let settings = DatabaseSettings {
+        place: DatabasePlace::File(restored),
+        ..fixture.settings.clone()
+    };
+    let store = open(&settings, &fixture.changes).await;
+    for row in jobs {
+        let restored_row = store.jobs().find(row.id).await.expect("a read");
+        assert_eq!(restored_row.as_deref(), Some(row));
+    }
+    store.close().await;
+}
+
 #[tokio::test(flavor = "multi_thread")]
 async fn a_backup_of_a_database_at_work_has_every_job_that_was_acknowledged_before() {
     let fixture = Fixture::new().await;
@@ -49,16 +63,7 @@ async fn a_backup_of_a_database_at_work_has_every_job_that_was_acknowledged_befo
     file::restore(&copy, &restored, Restoring::default())
         .await
         .expect("a database");
-    let settings = DatabaseSettings {
-        place: DatabasePlace::File(restored),
-        ..fixture.settings.clone()
-    };
-    let store = open(&settings, &fixture.changes).await;
-    for row in before {
-        let found = store.jobs().find(row.id).await.expect("a read");
-        assert_eq!(found.as_deref(), Some(&row));
-    }
-    store.close().await;
+    assert_has(&fixture, restored, &before).await;
 }
 
 #[tokio::test(flavor = "multi_thread")]
@@ -315,12 +320,5 @@ async fn an_encrypted_backup_is_restored_by_its_recipient_alone() {
     file::restore(&copy, &restored, how)
         .await
         .expect("a database");
-    let settings = DatabaseSettings {
-        place: DatabasePlace::File(restored),
-        ..fixture.settings.clone()
-    };
-    let store = open(&settings, &fixture.changes).await;
-    let restored_row = store.jobs().find(row.id).await.expect("a read");
-    assert_eq!(restored_row.as_deref(), Some(&row));
-    store.close().await;
+    assert_has(&fixture, restored, &[row]).await;
 }
