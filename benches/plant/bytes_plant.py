@@ -250,7 +250,7 @@ class Plant:
     def pause(self):
         """A job that is paused in its middle, after a checkpoint."""
         for seed in range(7, 100):
-            identifier = self.client.submit(job(self.small, 3000, seed, refine=False))
+            identifier = self.client.submit(job(self.small, 12_000, seed, refine=False))
             while (shown := self.client.show(identifier))["status"] in ("queued", "running"):
                 if ((shown.get("progress") or {}).get("generation") or 0) > 20:
                     self.client.ask("POST", f"/v1/jobs/{identifier}/pause")

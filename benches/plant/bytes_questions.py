@@ -24,7 +24,7 @@ class TextClient(Client):
         super().__init__(server.address, {"authorization": f"Bearer {token}"})
         self.server = server
 
-    def text(self, method, path, body=None, headers=None):
+    def answer_as_text(self, method, path, body=None, headers=None):
         """The status and the text of an answer; of a refusal without what differs between two requests."""
         headers = {**self.headers, **(headers or {})}
         if isinstance(body, dict):
@@ -120,7 +120,7 @@ class Questions:
         """The status and the content of each answer."""
         answers = {}
         for method, path, body, headers in self.paths:
-            status, content = client.text(method, path, body, headers)
+            status, content = client.answer_as_text(method, path, body, headers)
             if status == 200 and path.startswith("/v1/audit"):
                 # What a server refuses in a trial stands in the log, too.
                 items = json.loads(content)["items"]
@@ -128,7 +128,7 @@ class Questions:
             accepted = "".join(f" as {headers[name][:18]}" for name in ("accept", "authorization") if name in headers)
             again = " again" if headers.get("idempotency-key") else ""
             answers[f"{method} {path}{accepted}{again}"] = status, content
-        status, content = client.text("GET", "/metrics")
+        status, content = client.answer_as_text("GET", "/metrics")
         lines = content.splitlines() if status == 200 else [content]
         lines = sorted(line for line in lines if line.startswith(METRICS) or status != 200)
         answers["GET /metrics"] = status, "\n".join(lines)
@@ -162,7 +162,7 @@ class Questions:
         status, body, _ = client.ask("POST", "/v1/streams/lag/recordings", part)
         answers["cut a part"] = status, plain(body if status >= 400 else body["digest"])
         answers.update((name, self.outcome(client, identifier)) for name, identifier in jobs.items())
-        answers["append"] = client.text("POST", "/write?db=plant", LINES,
+        answers["append"] = client.answer_as_text("POST", "/write?db=plant", LINES,
                                         {**TEXT, "authorization": f"Bearer {plant.tokens[-1]}"})
         answers["next window"] = self.next_window(client)
         answers["deliveries"] = 200, str(plant.receiver.wait(before, len(jobs), limit=1))

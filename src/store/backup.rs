@@ -15,9 +15,10 @@ use sqlx::sqlite::{SqliteConnectOptions, SqlitePoolOptions};
 use sqlx::{Connection, FromRow, SqliteConnection};
 use tempfile::TempDir;
 
-use super::database::{Pool, sqlite};
+use super::database::{Pool, query, sqlite};
 use super::lock::FileLock;
 use super::private_file::{self, beside};
+use super::sealed::changes::seal_changed;
 use super::sealed::check::{self, Checked};
 use super::{AuditEntry, StoreError, audit, schema_version};
 use crate::encrypted_file::{self, EncryptedFileError, Identities, Recipients};
@@ -64,12 +65,18 @@ async fn copy_database(database: &Path, into: &Path) -> Result<(), StoreError> {
         .await;
     source.close().await?;
     copied?;
-    let mut copy = open(into).await?;
+    let has_seals = is_up_to_date(into).await?;
+    let copy = pool(into).await?;
+    let mut tx = copy.begin_write_in_turn().await?;
     // Nobody cut the copy off from its server.
-    sqlx::query("update nodes set state = 'ended'")
-        .execute(&mut copy)
+    query("update nodes set state = 'ended'")
+        .execute(&mut tx)
         .await?;
-    copy.close().await?;
+    if has_seals {
+        seal_changed(&mut tx).await?;
+    }
+    tx.commit().await?;
+    copy.close().await;
     Ok(())
 }
 
@@ -191,6 +198,7 @@ async fn enter_command(database: &Path, command: String) {
         let pool = pool(database).await?;
         let mut tx = pool.begin_write_in_turn().await?;
         audit::add(&mut tx, AuditEntry::of_command(command, None)).await?;
+        seal_changed(&mut tx).await?;
         tx.commit().await?;
         pool.close().await;
         Ok::<_, StoreError>(())

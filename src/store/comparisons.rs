@@ -11,6 +11,7 @@ use super::jobs::{self, JobRow};
 use super::models::{self, ModelStored, NewModel};
 use super::page::Page;
 use super::quota_checks::JobRoom;
+use super::sealed::{COMPARISON_JOBS, COMPARISONS};
 use super::shared_database::Database;
 use super::submit::batch::{self, Known};
 use super::submit::{self, Idempotent, NewJob, Submitted};
@@ -195,21 +196,22 @@ impl Idempotent for ComparisonRow {
         id: ComparisonId,
     ) -> Result<Option<Self>, StoreError> {
         let key = id.to_string();
-        let created_at: Option<String> =
-            database::query_scalar("select created_at from comparisons where id = $1")
-                .bind(&key)
-                .fetch_optional(&mut *connection)
-                .await?;
-        let Some(created_at) = created_at else {
+        let mut select = COMPARISONS.select();
+        select.push("comparisons where id = ").push_bind(&key);
+        let Some(comparison) = select.build().fetch_optional(&mut *connection).await? else {
             return Ok(None);
         };
-        let ids: Vec<String> = database::query_scalar(
-            "select job from comparison_jobs where comparison = $1 order by position",
-        )
-        .bind(&key)
-        .fetch_all(&mut *connection)
-        .await?;
-        let ids = ids.iter().map(|id| columns::parse_id(id));
+        COMPARISONS.verify(&comparison)?;
+        let mut select = COMPARISON_JOBS.select();
+        select
+            .push("comparison_jobs where comparison = ")
+            .push_bind(&key);
+        select.push(" order by position");
+        let runs = select.build().fetch_all(&mut *connection).await?;
+        let ids = runs.iter().map(|run| {
+            COMPARISON_JOBS.verify(run)?;
+            columns::parse_id(run.try_get("job")?)
+        });
         let ids = ids.collect::<Result<Vec<JobId>, StoreError>>()?;
         let mut rows = Vec::with_capacity(ids.len());
         for id in ids {
@@ -217,7 +219,7 @@ impl Idempotent for ComparisonRow {
         }
         let row = ComparisonRow {
             id,
-            created_at: time(&key, &created_at)?,
+            created_at: time(&key, comparison.try_get("created_at")?)?,
             jobs: rows,
         };
         Ok((!row.jobs.is_empty()).then_some(row))

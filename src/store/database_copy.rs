@@ -68,11 +68,12 @@ const COUNTED: [&str; 10] = [
     "signal_lists",
 ];
 
-/// What of a job stays behind: who works it, by which entry of the queue.
-const LEFT_BEHIND: [(&str, &str, Value); 3] = [
+/// What of a job stays behind: who works it, by which entry of the queue, and the seal of that.
+const LEFT_BEHIND: [(&str, &str, Value); 4] = [
     ("jobs", "queue_entry", Value::Integer(Some(0))),
     ("jobs", "at_work_in", Value::Integer(None)),
     ("jobs", "is_shared", Value::Integer(Some(0))),
+    ("jobs", "state_seal", Value::Integer(None)),
 ];
 
 /// A table that was copied.

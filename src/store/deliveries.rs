@@ -1,5 +1,6 @@
 //! Events on their way to webhooks: stored in the transaction of what an event tells of, and sent after.
 
+use std::collections::BTreeMap;
 use std::sync::Arc;
 use std::time::Duration;
 
@@ -8,9 +9,10 @@ use serde_json::{Value, json};
 use sqlx::FromRow;
 
 use super::columns::{self, project, time};
-use super::database::{self, QueryBuilder};
+use super::database::{self, QueryBuilder, Row};
 use super::jobs;
 use super::page::Page;
+use super::sealed::DELIVERIES;
 use super::shared_database::Database;
 use super::writer::{Tx, in_transaction};
 use super::{Change, StoreError, corrupt, unsigned};
@@ -26,6 +28,9 @@ const TRIED_FOR: Duration = Duration::from_hours(72);
 const FIRST_WAIT: Duration = Duration::from_secs(5);
 /// The longest wait.
 const LONGEST_WAIT: Duration = Duration::from_hours(6);
+
+/// Deliveries to one place that are looked at: the first that is not damaged is made.
+const FIRST_OF_A_PLACE: i64 = 3;
 
 /// How far a delivery has come.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -131,8 +136,17 @@ impl DeliveryColumns {
     }
 }
 
-const DELIVERY: &str = "select id, webhook, event, payload, state, attempts, due_at_ms, \
-                        last_status, last_error, created_at, delivered_at from deliveries";
+/// A statement up to its condition that reads deliveries.
+fn select() -> QueryBuilder {
+    let mut select = DELIVERIES.select();
+    select.push("deliveries");
+    select
+}
+
+fn read(row: &Row) -> Result<DeliveryRow, StoreError> {
+    DELIVERIES.verify(row)?;
+    row.read::<DeliveryColumns>()?.read()
+}
 
 /// Events on their way to webhooks.
 #[derive(Clone)]
@@ -148,7 +162,7 @@ impl Deliveries {
         before: Option<DeliveryId>,
         limit: u32,
     ) -> Result<Page<DeliveryRow, DeliveryId>, StoreError> {
-        let mut query = QueryBuilder::new(DELIVERY);
+        let mut query = select();
         query
             .push(" where webhook = ")
             .push_bind(webhook.to_string());
@@ -157,11 +171,8 @@ impl Deliveries {
         }
         query.push(" order by id desc limit ");
         query.push_bind(i64::from(limit) + 1);
-        let rows: Vec<DeliveryColumns> = query
-            .build_query_as()
-            .fetch_all(&self.database.readers)
-            .await?;
-        let rows = rows.into_iter().map(DeliveryColumns::read);
+        let rows = query.build().fetch_all(&self.database.readers).await?;
+        let rows = rows.iter().map(read);
         Ok(Page::cut(rows.collect::<Result<_, _>>()?, limit, |row| {
             row.id
         }))
@@ -169,13 +180,10 @@ impl Deliveries {
 
     /// A delivery, if there is one.
     pub async fn find(&self, id: DeliveryId) -> Result<Option<DeliveryRow>, StoreError> {
-        let mut query = QueryBuilder::new(DELIVERY);
+        let mut query = select();
         query.push(" where id = ").push_bind(id.to_string());
-        let row: Option<DeliveryColumns> = query
-            .build_query_as()
-            .fetch_optional(&self.database.readers)
-            .await?;
-        row.map(DeliveryColumns::read).transpose()
+        let row = query.build().fetch_optional(&self.database.readers).await?;
+        row.as_ref().map(read).transpose()
     }
 
     /// Whose a delivery is, if there is one.
@@ -204,20 +212,36 @@ impl Deliveries {
     ) -> Result<(Vec<DeliveryRow>, Option<Timestamp>), StoreError> {
         let now_ms = now.as_millisecond();
         let longest = i64::try_from(LONGEST_WAIT.as_millis()).unwrap_or(i64::MAX);
-        let rows: Vec<DeliveryColumns> = database::query_as(
-            "select id, webhook, event, payload, state, attempts, \
-             case when due_at_ms > $1 then 0 else due_at_ms end as due_at_ms, \
-             last_status, last_error, created_at, delivered_at from deliveries \
-             where id in (select id from (select id, row_number() over (partition by webhook \
-              order by case when due_at_ms > $1 then 0 else due_at_ms end, id) as place \
-              from deliveries where state = 'waiting') as waiting where place = 1)",
-        )
-        .bind(now_ms.saturating_add(longest))
-        .fetch_all(&self.database.readers)
-        .await?;
-        let rows = rows.into_iter().map(DeliveryColumns::read);
-        let rows: Vec<DeliveryRow> = rows.collect::<Result<_, _>>()?;
-        let (due, later): (Vec<_>, Vec<_>) = rows.into_iter().partition(|row| row.due_at <= now);
+        let mut query = DELIVERIES.select();
+        query.push("deliveries where id in (select id from (select id, ");
+        query.push("row_number() over (partition by webhook order by case when due_at_ms > ");
+        query.push_bind(now_ms.saturating_add(longest));
+        query.push(" then 0 else due_at_ms end, id) as place from deliveries ");
+        query.push("where state = 'waiting') as waiting where place <= ");
+        query.push_bind(FIRST_OF_A_PLACE);
+        query.push(")");
+        let rows = query.build().fetch_all(&self.database.readers).await?;
+        let mut first: BTreeMap<WebhookId, DeliveryRow> = BTreeMap::new();
+        for row in &rows {
+            match read(row) {
+                Ok(mut row) => {
+                    if row.due_at.duration_since(now) > jiff::SignedDuration::from_millis(longest) {
+                        row.due_at = Timestamp::UNIX_EPOCH;
+                    }
+                    let place = first.entry(row.webhook).or_insert_with(|| row.clone());
+                    if (row.due_at, row.id) < (place.due_at, place.id) {
+                        *place = row;
+                    }
+                }
+                // A damaged delivery holds up no other.
+                Err(error) if error.corrupt_row().is_some() => {
+                    self.database.damage.note(&error);
+                    tracing::error!(%error, "a delivery is left out");
+                }
+                Err(error) => return Err(error),
+            }
+        }
+        let (due, later): (Vec<_>, Vec<_>) = first.into_values().partition(|row| row.due_at <= now);
         Ok((due, later.iter().map(|row| row.due_at).min()))
     }
 
@@ -334,16 +358,15 @@ async fn resend(tx: &mut Tx, id: DeliveryId) -> Result<bool, StoreError> {
 
 async fn note(tx: &mut Tx, id: DeliveryId, attempt: Attempt) -> Result<(), StoreError> {
     let key = id.to_string();
-    let before: Option<(i64, i64)> =
-        database::query_as("select attempts, tried_from_ms from deliveries where id = $1")
-            .bind(&key)
-            .fetch_optional(&mut **tx)
-            .await?;
+    let mut select = select();
+    select.push(" where id = ").push_bind(&key);
     // The place may have been forgotten meanwhile.
-    let Some((attempts, tried_from_ms)) = before else {
+    let Some(before) = select.build().fetch_optional(&mut **tx).await? else {
         return Ok(());
     };
-    let attempts: u32 = unsigned("attempts", &key, attempts)?;
+    DELIVERIES.verify(&before)?;
+    let attempts: u32 = unsigned("attempts", &key, before.try_get("attempts")?)?;
+    let tried_from_ms: i64 = before.try_get("tried_from_ms")?;
     let now = Timestamp::now();
     let tried_ms = now.as_millisecond().saturating_sub(tried_from_ms);
     let is_gone = attempt.status == Some(GONE);

@@ -3,7 +3,8 @@
 use jiff::Timestamp;
 
 use super::StoreError;
-use super::database::{self, Connection};
+use super::database::{self, Connection, Row};
+use super::sealed::KEYS;
 use super::writer::Tx;
 use crate::access::Project;
 
@@ -31,17 +32,22 @@ pub(super) async fn earlier(
     connection: &mut Connection,
     idempotency: &Idempotency,
 ) -> Result<Option<Earlier>, StoreError> {
-    let row: Option<(String, String)> = database::query_as(
-        "select body_digest, made from idempotency where project = $1 and key = $2",
+    let row = database::query(
+        "select project, key, body_digest, made, created_at, seal from idempotency \
+         where project = $1 and key = $2",
     )
     .bind(idempotency.project.as_str())
     .bind(&idempotency.key)
     .fetch_optional(connection)
     .await?;
-    Ok(row.map(|(digest, made)| Earlier {
-        is_same_body: digest == idempotency.body_digest,
-        made,
-    }))
+    let earlier = |row: Row| {
+        KEYS.verify(&row)?;
+        Ok(Earlier {
+            is_same_body: row.try_get::<&str>("body_digest")? == idempotency.body_digest,
+            made: row.try_get("made")?,
+        })
+    };
+    row.map(earlier).transpose()
 }
 
 /// Keeps what a key made.

@@ -10,7 +10,7 @@ use super::columns::{from_json, optional, optional_time, parse_id, parse_status,
 use super::database::{self, Connection, Kind, QueryBuilder, Row};
 use super::page::Page;
 use super::row_cache::RowCache;
-use super::sealed::JOBS;
+use super::sealed::{JOB_STATES, JOBS};
 use super::shared_database::Database;
 use super::stop_request::StopRequest;
 use super::writer::{Tx, in_transaction};
@@ -116,7 +116,8 @@ pub enum JobRemoval {
 }
 
 pub(super) const COLUMNS: &str = "id, project, name, labels, model, spec, status, request, progress, attempt, error, \
-     created_at, started_at, finished_at, last_event, revision, seal";
+     created_at, started_at, finished_at, last_event, revision, epoch, queue_entry, running_ms, told_generation, \
+     told_refinements, told_at_ms, deaths, at_work_in, is_shared, seal, state_seal";
 
 /// Jobs as they are shown, listed, stopped and deleted.
 #[derive(Clone)]
@@ -334,6 +335,7 @@ async fn fetch_stored(connection: &mut Connection, id: JobId) -> Result<Option<R
 
 pub(super) fn read(row: &Row) -> Result<JobRow, StoreError> {
     JOBS.verify(row)?;
+    JOB_STATES.verify(row)?;
     let id: String = row.try_get("id")?;
     let status: String = row.try_get("status")?;
     let request: Option<String> = row.try_get("request")?;

@@ -11,7 +11,8 @@ use sqlx::FromRow;
 
 use super::StoreError;
 use super::columns::{from_json, json, time};
-use super::database::{self, QueryBuilder};
+use super::database::{self, QueryBuilder, Row};
+use super::sealed::{MAPPINGS, UNMAPPED_SERIES};
 use super::shared_database::Database;
 use super::streams::{self, BatchOutcome, NewBatch};
 use super::writer::{Tx, in_transaction};
@@ -117,7 +118,17 @@ fn series_key(series: &UnmappedSeries) -> String {
     json(&(&series.measurement, &series.tags, &series.field))
 }
 
-const SELECT: &str = "select name, rules, unlisted, created_at, changed_at from mappings";
+/// A statement up to its condition that reads mappings.
+fn select() -> QueryBuilder {
+    let mut select = MAPPINGS.select();
+    select.push("mappings");
+    select
+}
+
+fn read(row: &Row) -> Result<MappingRow, StoreError> {
+    MAPPINGS.verify(row)?;
+    row.read::<MappingColumns>()?.read()
+}
 
 /// Where the series of agents go.
 #[derive(Clone)]
@@ -139,14 +150,11 @@ impl Mappings {
 
     /// The mappings of a project by name.
     pub async fn list(&self, project: &Project) -> Result<Vec<MappingRow>, StoreError> {
-        let mut query = QueryBuilder::new(SELECT);
+        let mut query = select();
         query.push(" where project = ").push_bind(project.as_str());
         query.push(" order by name");
-        let rows: Vec<MappingColumns> = query
-            .build_query_as()
-            .fetch_all(&self.database.readers)
-            .await?;
-        rows.into_iter().map(MappingColumns::read).collect()
+        let rows = query.build().fetch_all(&self.database.readers).await?;
+        rows.iter().map(read).collect()
     }
 
     /// A mapping of a project.
@@ -155,14 +163,11 @@ impl Mappings {
         project: &Project,
         name: &str,
     ) -> Result<Option<MappingRow>, StoreError> {
-        let mut query = QueryBuilder::new(SELECT);
+        let mut query = select();
         query.push(" where project = ").push_bind(project.as_str());
         query.push(" and name = ").push_bind(name.to_owned());
-        let row: Option<MappingColumns> = query
-            .build_query_as()
-            .fetch_optional(&self.database.readers)
-            .await?;
-        row.map(MappingColumns::read).transpose()
+        let row = query.build().fetch_optional(&self.database.readers).await?;
+        row.as_ref().map(read).transpose()
     }
 
     /// The series that came under a mapping and that no rule names, by measurement, tags and field.
@@ -171,15 +176,18 @@ impl Mappings {
         project: &Project,
         name: &str,
     ) -> Result<Vec<UnmappedSeries>, StoreError> {
-        let rows: Vec<UnmappedColumns> = database::query_as(
-            "select series, samples, last_value, last_ns from unmapped_series \
-             where project = $1 and mapping = $2 order by series",
-        )
-        .bind(project.as_str())
-        .bind(name.to_owned())
-        .fetch_all(&self.database.readers)
-        .await?;
-        rows.into_iter().map(UnmappedColumns::read).collect()
+        let mut query = UNMAPPED_SERIES.select();
+        query
+            .push("unmapped_series where project = ")
+            .push_bind(project.as_str());
+        query.push(" and mapping = ").push_bind(name.to_owned());
+        query.push(" order by series");
+        let rows = query.build().fetch_all(&self.database.readers).await?;
+        let series = rows.iter().map(|row| {
+            UNMAPPED_SERIES.verify(row)?;
+            row.read::<UnmappedColumns>()?.read()
+        });
+        series.collect()
     }
 
     /// Removes a mapping with its list of series. Says whether there was one.

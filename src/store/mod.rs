@@ -22,6 +22,7 @@ mod database;
 pub mod database_copy;
 mod datasets;
 mod deliveries;
+mod derived;
 mod error;
 mod events;
 mod facts;

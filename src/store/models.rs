@@ -148,7 +148,10 @@ pub(super) async fn insert(tx: &mut Tx, new: NewModel) -> Result<ModelStored, St
     query
         .push(" where project = ")
         .push_bind(new.project.as_str());
-    query.push(" and digest = ").push_bind(&new.digest);
+    // A row whose digest is damaged is found by the reference.
+    query.push(" and (digest = ").push_bind(&new.digest);
+    query.push(" or reference = ").push_bind(&new.reference);
+    query.push(")");
     let same = query.build().fetch_optional(&mut **tx).await?;
     if let Some(same) = same {
         return Ok(ModelStored::There(read(&same)?));

@@ -147,7 +147,7 @@ impl Monitors {
         number: i64,
     ) -> Result<Option<ShownWindow>, StoreError> {
         let row = database::query(
-            "select monitor, number, job, dataset, row, seal from monitor_windows \
+            "select monitor, number, job, dataset, row, seal, state_seal from monitor_windows \
              where monitor = $1 and number = $2",
         )
         .bind(id.to_string())
@@ -165,7 +165,7 @@ impl Monitors {
         limit: u32,
     ) -> Result<Page<ShownWindow, i64>, StoreError> {
         let rows = database::query(
-            "select monitor, number, job, dataset, row, seal from monitor_windows \
+            "select monitor, number, job, dataset, row, seal, state_seal from monitor_windows \
              where monitor = $1 and number < $2 order by number desc limit $3",
         )
         .bind(id.to_string())

@@ -87,6 +87,18 @@ fn worker_lives(kind: Kind) -> String {
     )
 }
 
+/// Whether an entry of the queue is one that may begin slices of its job, in SQL.
+pub(super) fn is_entry_of_its_job(kind: Kind) -> String {
+    let job = kind.either(
+        "case when json_valid(river_job.args, 8) then river_job.args ->> '$.job' end",
+        "river_job.args ->> 'job'",
+    );
+    format!(
+        "river_job.kind = '{KIND}' and coalesce({job}, '') = jobs.id and river_job.queue = \
+         case jobs.project when 'default' then '{QUEUE}' else '{QUEUE}{SEPARATOR}' || jobs.project end"
+    )
+}
+
 /// What a client is made with.
 pub(super) fn builder(pool: &Pool) -> ClientBuilder {
     match pool {
@@ -264,9 +276,7 @@ async fn recover(tx: &mut Tx) -> Result<(), StoreError> {
         .push("))");
     let freed = freeing.build().execute(&mut **tx).await?;
     if tx.kind() == Kind::Sqlite {
-        database::query("delete from river_leader")
-            .execute(&mut **tx)
-            .await?;
+        forget_what_nobody_works(tx).await?;
     }
     let jobs = reassign(tx).await?;
     if freed > 0 || jobs > 0 {
@@ -279,16 +289,34 @@ async fn recover(tx: &mut Tx) -> Result<(), StoreError> {
     Ok(())
 }
 
+/// Brings what the queue of a file has for itself to what it has at the first start: a byte of it that changed would
+/// keep entries from being taken.
+async fn forget_what_nobody_works(tx: &mut Tx) -> Result<(), StoreError> {
+    for statement in [
+        "delete from river_leader",
+        "delete from river_queue",
+        "delete from river_notification",
+        "delete from river_job where id not in \
+         (select queue_entry from jobs where status in ('queued', 'running'))",
+        "update river_job set metadata = jsonb('{}'), tags = jsonb('[]'), errors = null, unique_key = null, \
+         unique_states = null, created_at = datetime('now', 'subsec'), scheduled_at = datetime('now', 'subsec'), \
+         attempted_at = null, attempted_by = jsonb('[]'), attempt = 0, max_attempts = 2147483647, \
+         priority = case priority when 1 then 1 else 2 end",
+    ] {
+        database::query(statement).execute(&mut **tx).await?;
+    }
+    Ok(())
+}
+
 /// Makes a new entry for each unfinished job that has none which waits or is worked by a node that
 /// lives. Answers how many.
 pub(super) async fn reassign(tx: &mut Tx) -> Result<usize, StoreError> {
     let mut stranded = QueryBuilder::new(
         "select id, project, queue_entry from jobs where status in ('queued', 'running') \
-         and not exists (select 1 from river_job where river_job.id = jobs.queue_entry \
-         and river_job.kind = ",
+         and not exists (select 1 from river_job where river_job.id = jobs.queue_entry and ",
     );
     stranded
-        .push_bind(KIND)
+        .push(is_entry_of_its_job(tx.kind()))
         .push(" and (river_job.state in ('available', 'pending', 'scheduled', 'retryable') ")
         .push("or (river_job.state = 'running' and ")
         .push(worker_lives(tx.kind()))

@@ -7,6 +7,7 @@ use sqlx::FromRow;
 
 use super::columns::{from_json, json, time};
 use super::database::QueryBuilder;
+use super::sealed::SESSIONS;
 use super::shared_database::Database;
 use super::tokens::{self, TokenRow};
 use super::writer::in_transaction;
@@ -108,15 +109,19 @@ impl Sessions {
 
     /// Whose session it is; nothing where there is none, or where its token is gone.
     pub async fn find(&self, digest: &Digest) -> Result<Option<SessionHolder>, StoreError> {
-        let session: Option<SessionColumns> = database::query_as(
-            "select token, person, in_groups, expires_at from sessions where digest = $1",
-        )
-        .bind(digest.as_str())
-        .fetch_optional(&self.database.readers)
-        .await?;
-        let Some(session) = session else {
+        let mut select = SESSIONS.select();
+        select
+            .push("sessions where digest = ")
+            .push_bind(digest.as_str());
+        let row = select
+            .build()
+            .fetch_optional(&self.database.readers)
+            .await?;
+        let Some(row) = row else {
             return Ok(None);
         };
+        SESSIONS.verify(&row)?;
+        let session: SessionColumns = row.read()?;
         let of = digest.as_str();
         let expires_at = time(of, &session.expires_at)?;
         match session {

@@ -8,7 +8,8 @@ use super::columns::{from_json, json, project, time};
 use super::database::postgres::Use;
 use super::database::{self, Losses, Pool, QueryBuilder, Row, sqlite};
 use super::opening::{Opened, PATIENCE_OF_A_COMMAND};
-use super::sealed::TOKENS;
+use super::sealed::changes::seal_changed;
+use super::sealed::{TOKEN_STATES, TOKENS};
 use super::shared_database::Database;
 use super::writer::in_transaction;
 use super::{
@@ -66,11 +67,12 @@ impl TokenRow {
 
 /// A statement up to its condition that reads tokens.
 pub(super) const SELECT: &str = "select id, name, digest, scope, streams, project, created_at, expires_at, \
-                                 revoked_at, last_used_at, seal from tokens";
+                                 revoked_at, last_used_at, seal, state_seal from tokens";
 
 /// A token of its row.
 pub(super) fn read(row: &Row) -> Result<TokenRow, StoreError> {
     TOKENS.verify(row)?;
+    TOKEN_STATES.verify(row)?;
     let of: &str = row.try_get("name")?;
     let optional = |column: &str| {
         let at: Option<&str> = row.try_get(column)?;
@@ -183,6 +185,7 @@ pub async fn create(database: &DatabasePlace, new: NewToken) -> Result<bool, Sto
             format!("token create --name {name} --scope {scope}{streams} --project {project}");
         audit::add(&mut tx, AuditEntry::of_command(command, Some(project))).await?;
     }
+    seal_changed(&mut tx).await?;
     tx.commit().await?;
     connection.close().await;
     Ok(made == 1)
@@ -221,6 +224,7 @@ pub async fn revoke(database: &DatabasePlace, name: &str) -> Result<bool, StoreE
         let entry = AuditEntry::of_command(command, Some(project(name, owner)?));
         audit::add(&mut tx, entry).await?;
     }
+    seal_changed(&mut tx).await?;
     tx.commit().await?;
     connection.close().await;
     if revoked.is_some() {

@@ -6,7 +6,8 @@ use jiff::Timestamp;
 use sqlx::FromRow;
 
 use super::columns::{self, from_json, project, time};
-use super::database::{self, QueryBuilder};
+use super::database::{self, QueryBuilder, Row};
+use super::sealed::WEBHOOKS;
 use super::shared_database::Database;
 use super::writer::in_transaction;
 use super::{SecretKeys, StoreError, corrupt};
@@ -43,7 +44,19 @@ struct WebhookColumns {
     created_at: String,
 }
 
+/// A statement up to its condition that reads webhooks.
+fn select() -> QueryBuilder {
+    let mut select = WEBHOOKS.select();
+    select.push("webhooks");
+    select
+}
+
 impl WebhookColumns {
+    fn of(row: &Row) -> Result<Self, StoreError> {
+        WEBHOOKS.verify(row)?;
+        Ok(row.read()?)
+    }
+
     fn read(self, keys: &SecretKeys) -> Result<WebhookRow, StoreError> {
         let of = &self.id;
         Ok(WebhookRow {
@@ -66,8 +79,6 @@ fn place_of_secret(id: &str) -> String {
 fn place_of_url(id: &str) -> String {
     format!("the address of the webhook {id}")
 }
-
-const WEBHOOK: &str = "select id, project, url, events, secret, created_at from webhooks";
 
 /// Places that events are delivered to.
 #[derive(Clone)]
@@ -110,26 +121,24 @@ impl Webhooks {
 
     /// The places of a project, the oldest first.
     pub async fn list(&self, project: &Project) -> Result<Vec<WebhookRow>, StoreError> {
-        let mut query = QueryBuilder::new(WEBHOOK);
+        let mut query = select();
         query.push(" where project = ").push_bind(project.as_str());
         query.push(" order by id");
-        let rows: Vec<WebhookColumns> = query
-            .build_query_as()
-            .fetch_all(&self.database.readers)
-            .await?;
+        let rows = query.build().fetch_all(&self.database.readers).await?;
         let keys = &self.database.keys;
-        rows.into_iter().map(|row| row.read(keys)).collect()
+        let rows = rows.iter();
+        rows.map(|row| WebhookColumns::of(row)?.read(keys))
+            .collect()
     }
 
     /// A place, if there is one.
     pub async fn find(&self, id: WebhookId) -> Result<Option<WebhookRow>, StoreError> {
-        let mut query = QueryBuilder::new(WEBHOOK);
+        let mut query = select();
         query.push(" where id = ").push_bind(id.to_string());
-        let row: Option<WebhookColumns> = query
-            .build_query_as()
-            .fetch_optional(&self.database.readers)
-            .await?;
-        row.map(|row| row.read(&self.database.keys)).transpose()
+        let row = query.build().fetch_optional(&self.database.readers).await?;
+        let keys = &self.database.keys;
+        row.map(|row| WebhookColumns::of(&row)?.read(keys))
+            .transpose()
     }
 
     /// Encrypts what is stored as it is or under an older key, where the server has keys.
@@ -137,11 +146,16 @@ impl Webhooks {
     /// # Errors
     /// Something is encrypted under a key that the server does not have.
     pub(super) async fn encrypt_anew(&self) -> Result<(), StoreError> {
-        let rows: Vec<WebhookColumns> = database::query_as(WEBHOOK)
-            .fetch_all(&self.database.readers)
-            .await?;
+        let rows = select().build().fetch_all(&self.database.readers).await?;
         let keys = &self.database.keys;
         for row in rows {
+            let row = match WebhookColumns::of(&row) {
+                Err(error) if error.corrupt_row().is_some() => {
+                    tracing::error!(%error, "a webhook stays as it is stored");
+                    continue;
+                }
+                row => row?,
+            };
             let is_current = keys.is_current(&row.url) && keys.is_current(&row.secret);
             let (old_url, old_secret) = (row.url.clone(), row.secret.clone());
             let WebhookRow {

@@ -20,6 +20,7 @@ use tokio::task::JoinHandle;
 use super::database::{self, Connection, Kind, Pool, Transaction};
 use super::error::WriteFailure;
 use super::quotas::Quotas;
+use super::sealed::changes::seal_changed;
 use super::{Change, OnChange, StoreError};
 
 /// Writes in one transaction.
@@ -391,7 +392,11 @@ async fn commit_group(
             .await
             .map_err(failed)?;
     }
-    let Tx { inner, changes, .. } = tx;
+    let Tx {
+        mut inner, changes, ..
+    } = tx;
+    let sealed = seal_changed(&mut inner).await;
+    sealed.map_err(|error| WriteFailure::of(&error))?;
     inner.commit().await.map_err(failed)?;
     Ok(changes)
 }

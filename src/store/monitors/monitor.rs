@@ -11,7 +11,7 @@ use crate::store::columns::{self, from_json, time};
 use crate::store::database::{Connection, QueryBuilder, Row};
 use crate::store::datasets::NewDataset;
 use crate::store::idempotency::Idempotency;
-use crate::store::sealed::{MONITOR_WINDOWS, MONITORS};
+use crate::store::sealed::{MONITOR_STATES, MONITOR_WINDOW_JOBS, MONITOR_WINDOWS, MONITORS};
 use crate::store::submit::NewJob;
 use crate::store::{StoreError, corrupt};
 use greybox::identification::{DatasetId, JobId};
@@ -108,8 +108,8 @@ pub struct NewWindowJob {
     pub dataset: Option<(DatasetId, NewDataset)>,
 }
 
-pub(super) const SELECT: &str = "select id, project, name, stream, spec, state, due_ns, job, silent, \
-                      revision, last_event, last_alarm, created_at, seal from monitors";
+pub(super) const SELECT: &str = "select id, project, name, stream, spec, state, due_ns, job, patience_ms, \
+                      silent, revision, last_event, last_alarm, created_at, seal, state_seal from monitors";
 
 pub(super) async fn fetch(
     connection: &mut Connection,
@@ -123,6 +123,7 @@ pub(super) async fn fetch(
 
 pub(super) fn read(row: &Row) -> Result<MonitorRow, StoreError> {
     MONITORS.verify(row)?;
+    MONITOR_STATES.verify(row)?;
     let id: String = row.try_get("id")?;
     let job: Option<String> = row.try_get("job")?;
     let stream: &str = row.try_get("stream")?;
@@ -146,6 +147,7 @@ pub(super) fn read(row: &Row) -> Result<MonitorRow, StoreError> {
 
 pub(super) fn window(row: &Row) -> Result<ShownWindow, StoreError> {
     MONITOR_WINDOWS.verify(row)?;
+    MONITOR_WINDOW_JOBS.verify(row)?;
     let job: Option<String> = row.try_get("job")?;
     let dataset: Option<String> = row.try_get("dataset")?;
     let dataset = dataset.map(|id| id.parse().map_err(|why| corrupt("identifier", &id, why)));

@@ -167,7 +167,7 @@ async fn put_window(
     let AdvanceWindow { mut window, job } = window;
     let number = window.number;
     let before = database::query(
-        "select monitor, number, job, dataset, row, seal from monitor_windows \
+        "select monitor, number, job, dataset, row, seal, state_seal from monitor_windows \
          where monitor = $1 and number = $2",
     )
     .bind(monitor.to_string())
@@ -225,7 +225,7 @@ async fn put_window(
 /// Removes the jobs and the recordings of windows before a number; what was estimated stays.
 async fn forget(tx: &mut Tx, monitor: MonitorId, before: i64) -> Result<(), StoreError> {
     let old = database::query(
-        "select monitor, number, job, dataset, row, seal from monitor_windows where monitor = $1 \
+        "select monitor, number, job, dataset, row, seal, state_seal from monitor_windows where monitor = $1 \
          and number < $2 and (job is not null or dataset is not null)",
     )
     .bind(monitor.to_string())

@@ -3,15 +3,13 @@
 use futures_util::TryStreamExt;
 use sqlx::postgres::PgConnectOptions;
 
-use super::{Sealed, TABLES};
+use super::tables::TABLES;
 use crate::store::database::postgres::Use;
-use crate::store::database::{Connection, Losses, Pool, QueryBuilder, Row, Value, query_scalar};
-use crate::store::{AuditHead, StoreError, audit, schema_version};
+use crate::store::database::{Losses, Pool, query_scalar};
+use crate::store::{AuditHead, StoreError, audit, derived, schema_version};
 
 /// Damaged rows that are named; the others are counted.
 const MOST_NAMED: usize = 100;
-/// Rows that are sealed in one transaction.
-const ROWS_TOGETHER: i64 = 500;
 
 /// The outcome of a check of a database.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
@@ -92,6 +90,11 @@ pub(in crate::store) async fn look(pool: &Pool, checked: &mut Checked) -> Result
     let chain = audit::chain::check(&mut tx).await?;
     tx.commit().await?;
     checked.findings.extend(chain.findings);
+    let mut tx = pool.begin_read().await?;
+    if let Err(error) = derived::look(&mut tx, &mut checked.findings).await {
+        let finding = format!("what follows from other rows cannot be looked at: {error}");
+        checked.findings.push(finding);
+    }
     checked.audit_head = chain.head;
     checked.unchained = chain.unchained;
     Ok(())
@@ -105,11 +108,8 @@ pub(in crate::store) async fn seal_all(pool: &Pool) -> Result<u64, StoreError> {
         loop {
             let mut tx = pool.begin_write_in_turn().await?;
             let rows = table.unsealed(&mut tx, &after).await?;
-            for row in &rows {
-                table.seal_row(&mut tx, row).await?;
-            }
+            sealed += table.seal_rows(&mut tx, &rows).await?;
             tx.commit().await?;
-            sealed += rows.len() as u64;
             match rows.last() {
                 Some(last) => after = table.key_of(last)?,
                 None => break,
@@ -117,52 +117,4 @@ pub(in crate::store) async fn seal_all(pool: &Pool) -> Result<u64, StoreError> {
         }
     }
     Ok(sealed)
-}
-
-impl Sealed {
-    /// A statement up to the name of its table that reads what a seal covers.
-    fn select(&self) -> QueryBuilder {
-        let mut select = QueryBuilder::new("select ");
-        for column in self.columns() {
-            select.push(format_args!("\"{}\", ", column.name()));
-        }
-        select.push("seal from ");
-        select
-    }
-
-    /// Some of the rows that have no seal, in the order of the key, after the row with one.
-    async fn unsealed(&self, tx: &mut Connection, after: &[Value]) -> Result<Vec<Row>, StoreError> {
-        let key: Vec<&str> = self.key.iter().map(|column| column.name()).collect();
-        let key = key.join(", ");
-        let mut select = self.select();
-        select.push(self.table).push(" where seal is null");
-        if !after.is_empty() {
-            select.push(format_args!(" and ({key}) > ("));
-            let mut values = select.separated(", ");
-            for value in after {
-                values.push_bind(value.clone());
-            }
-            select.push(")");
-        }
-        select.push(format_args!(" order by {key} limit "));
-        select.push_bind(ROWS_TOGETHER);
-        Ok(select.build().fetch_all(tx).await?)
-    }
-
-    fn key_of(&self, row: &Row) -> Result<Vec<Value>, sqlx::Error> {
-        self.key.iter().map(|column| column.value(row)).collect()
-    }
-
-    async fn seal_row(&self, tx: &mut Connection, row: &Row) -> Result<(), StoreError> {
-        let mut update = QueryBuilder::new("update ");
-        update.push(self.table).push(" set seal = ");
-        update.push_bind(self.seal_of(row)?);
-        for (place, (column, value)) in self.key.iter().zip(self.key_of(row)?).enumerate() {
-            let between = if place == 0 { "where" } else { "and" };
-            update.push(format_args!(" {between} {} = ", column.name()));
-            update.push_bind(value);
-        }
-        update.build().execute(tx).await?;
-        Ok(())
-    }
 }

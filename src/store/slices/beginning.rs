@@ -44,9 +44,6 @@ struct Control {
     told_at_ms: i64,
 }
 
-const CONTROL_COLUMNS: &str = "epoch, deaths, at_work_in, queue_entry, is_shared, running_ms, \
-     told_generation, told_refinements, told_at_ms";
-
 /// A job as it stands before a slice of it begins; the row of the job may be damaged.
 struct Waiting {
     control: Control,
@@ -131,7 +128,7 @@ pub(super) async fn begin(
 async fn waiting(tx: &mut Tx, id: JobId) -> Result<Option<Waiting>, StoreError> {
     let mut query = QueryBuilder::new("select ");
     query
-        .push(format_args!("{}, {CONTROL_COLUMNS}", jobs::COLUMNS))
+        .push(jobs::COLUMNS)
         .push(" from jobs where id = ")
         .push_bind(id.to_string());
     let row = query.build().fetch_optional(&mut **tx).await?;

@@ -5,11 +5,12 @@ use sha2::{Digest, Sha256};
 use uuid::Uuid;
 
 use super::stream::{Appended, BatchOutcome, StreamRow};
-use crate::store::StoreError;
 use crate::store::columns::{from_json, json};
-use crate::store::database::{self, QueryBuilder};
+use crate::store::database::{self, QueryBuilder, Row};
 use crate::store::idempotency::{self, Idempotency};
+use crate::store::sealed::{SIGNAL_LISTS, STREAM_BATCHES, Sealed};
 use crate::store::writer::Tx;
+use crate::store::{StoreError, corrupt};
 
 /// What the identifier of a batch begins with.
 const BATCH: &str = "batch_";
@@ -23,22 +24,27 @@ pub(super) async fn earlier(
         return Ok(None);
     };
     let made = earlier.made;
-    let kept: Option<(String, Option<String>)> = database::query_as(
-        "select answer, signal_lists.signals from stream_batches \
-         left join signal_lists on signal_lists.id = stream_batches.signals \
-         where stream_batches.id = $1",
-    )
-    .bind(&made)
-    .fetch_optional(&mut **tx)
-    .await?;
-    let Some((answer, signals)) = kept.filter(|_| earlier.is_same_body) else {
+    let kept = row(tx, &STREAM_BATCHES, &made).await?;
+    let Some(kept) = kept.filter(|_| earlier.is_same_body) else {
         return Ok(Some(BatchOutcome::KeyReused));
     };
-    let mut appended: Box<Appended> = from_json("batch", &made, &answer)?;
-    if let Some(signals) = signals {
-        appended.stream.signals = from_json("signals", &made, &signals)?;
+    let mut appended: Box<Appended> = from_json("batch", &made, kept.try_get("answer")?)?;
+    if let Some(list) = kept.try_get::<Option<&str>>("signals")? {
+        let list = row(tx, &SIGNAL_LISTS, list).await?;
+        let list = list.ok_or_else(|| corrupt("batch", &made, "its list of signals is gone"))?;
+        appended.stream.signals = from_json("signals", &made, list.try_get("signals")?)?;
     }
     Ok(Some(BatchOutcome::Replayed(appended)))
+}
+
+/// The row with an identifier of one of the two tables.
+async fn row(tx: &mut Tx, table: &Sealed, id: &str) -> Result<Option<Row>, StoreError> {
+    let mut select = table.select();
+    select
+        .push(format_args!("{} where id = ", table.table))
+        .push_bind(id);
+    let row = select.build().fetch_optional(&mut **tx).await?;
+    row.map(|row| table.verify(&row).map(|_| row)).transpose()
 }
 
 /// Keeps the answer to a batch that came with a key.

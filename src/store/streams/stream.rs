@@ -8,6 +8,7 @@ use crate::access::Project;
 use crate::store::columns::{self, from_json, json, time, unsigned};
 use crate::store::database::{self, Connection, QueryBuilder, Row};
 use crate::store::idempotency::Idempotency;
+use crate::store::sealed::STREAMS;
 use crate::store::writer::Tx;
 use crate::store::{StoreError, corrupt};
 use greybox::recording::{Batch, Merged, QualityReport, RowSignal};
@@ -155,8 +156,8 @@ pub enum StreamRemoval {
     InUse(Vec<String>),
 }
 
-pub(super) const SELECT: &str = "select project, name, signals, zone, samples, bytes, first_ns, last_ns, keep_s, \
-                      keep_mib, created_at, received_at from streams";
+pub(super) const SELECT: &str = "select identity, project, name, signals, zone, samples, bytes, first_ns, last_ns, \
+                      keep_s, keep_mib, created_at, received_at, seal from streams";
 
 pub(super) async fn fetch(
     connection: &mut Connection,
@@ -169,6 +170,7 @@ pub(super) async fn fetch(
 }
 
 pub(super) fn read(row: &Row) -> Result<StreamRow, StoreError> {
+    STREAMS.verify(row)?;
     let name: String = row.try_get("name")?;
     let count = |column| row.try_get::<i64>(column).map(i64::unsigned_abs);
     let samples = count("samples")?;

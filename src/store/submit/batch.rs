@@ -16,7 +16,7 @@ use crate::store::idempotency::{Earlier, Idempotency};
 use crate::store::jobs::JobRow;
 use crate::store::new_ids::NewIds;
 use crate::store::quota_checks::JobRoom;
-use crate::store::sealed::JOBS as SEALED_JOBS;
+use crate::store::sealed::{JOBS as SEALED_JOBS, KEYS};
 use crate::store::writer::Tx;
 use crate::store::{Change, StoreError, events, queue};
 use greybox::identification::JobId;
@@ -145,12 +145,12 @@ impl Known {
             models: HashSet::new(),
         };
         if let Some(keys) = keys {
-            let rows: Vec<(String, String, String, String)> = database::query_as(tx.kind().either(
-                "select idempotency.project, idempotency.key, body_digest, made \
+            let rows = database::query(tx.kind().either(
+                "select idempotency.project, idempotency.key, body_digest, made, created_at, seal \
                      from json_each($1) as asked join idempotency \
                      on idempotency.project = asked.value ->> 0 \
                      and idempotency.key = asked.value ->> 1",
-                "select idempotency.project, idempotency.key, body_digest, made \
+                "select idempotency.project, idempotency.key, body_digest, made, created_at, seal \
                      from json_array_elements($1::json) as asked (value) join idempotency \
                      on idempotency.project = asked.value ->> 0 \
                      and idempotency.key = asked.value ->> 1",
@@ -158,10 +158,12 @@ impl Known {
             .bind(keys)
             .fetch_all(&mut **tx)
             .await?;
-            let rows = rows
-                .into_iter()
-                .map(|(project, key, digest, job)| ((project, key), (digest, job)));
-            stored.keys.extend(rows);
+            for row in &rows {
+                KEYS.verify(row)?;
+                let key = (row.try_get("project")?, row.try_get("key")?);
+                let made = (row.try_get("body_digest")?, row.try_get("made")?);
+                stored.keys.insert(key, made);
+            }
         }
         if let Some(datasets) = datasets {
             let rows: Vec<String> = database::query_scalar(tx.kind().either(

@@ -189,9 +189,9 @@ async fn a_table_that_is_gone_is_found_by_check_and_at_the_start() {
     ] {
         let fixture = Fixture::new().await;
         fixture.submit().await;
-        full::execute(&fixture, removal)
-            .await
-            .expect("a table less");
+        let pool = &fixture.store.database().writer_pool;
+        let removed = database::query(removal).execute(pool).await;
+        removed.expect("a table less");
         let findings = file::check(fixture.file()).await;
         let findings = findings.expect("a readable file").findings;
         let told = format!("the table {table} is missing");

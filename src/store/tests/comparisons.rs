@@ -9,7 +9,7 @@ on_both! {
 }
 use crate::job::ComparisonId;
 
-fn comparison(key: Option<(&str, &str)>) -> NewComparison {
+pub(super) fn comparison(key: Option<(&str, &str)>) -> NewComparison {
     NewComparison {
         project: Default::default(),
         id: ComparisonId::new(),

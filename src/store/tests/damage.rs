@@ -15,14 +15,45 @@ on_both! {
     changed_results_events_generations_and_candidates_are_found_when_they_are_read,
     a_changed_token_is_found_when_it_is_used,
     a_job_ends_where_a_webhook_is_damaged,
+    a_damaged_delivery_is_not_made_and_holds_up_no_other,
+    what_an_older_server_writes_is_sealed_by_the_next_transaction,
     rows_in_each_others_place_are_found,
     changes_of_any_column_are_found_by_check,
     rows_without_a_seal_are_counted_until_they_are_sealed,
 }
 
-/// Does something to the rows of the database that the store knows nothing of.
+/// Does something to the rows of the database that neither the store nor a trigger knows of.
 async fn harm(fixture: &Fixture, statement: &'static str) {
-    full::execute(fixture, statement).await.expect("a change");
+    below(fixture, QueryBuilder::new(statement))
+        .await
+        .expect("a change");
+}
+
+async fn below(fixture: &Fixture, statement: QueryBuilder) -> Result<(), sqlx::Error> {
+    let pool = &fixture.store.database().writer_pool;
+    let mut tx = pool.begin_write().await?;
+    let triggers: Vec<(String, String)> = match tx.kind() {
+        Kind::Postgres => {
+            database::query("set local session_replication_role = replica")
+                .execute(&mut tx)
+                .await?;
+            Vec::new()
+        }
+        Kind::Sqlite => {
+            database::query_as("select name, sql from sqlite_master where type = 'trigger'")
+                .fetch_all(&mut tx)
+                .await?
+        }
+    };
+    for (name, _) in &triggers {
+        let drop = QueryBuilder::new(&format!("drop trigger {name}"));
+        drop.build().execute(&mut tx).await?;
+    }
+    statement.build().execute(&mut tx).await?;
+    for (_, sql) in &triggers {
+        QueryBuilder::new(sql).build().execute(&mut tx).await?;
+    }
+    tx.commit().await
 }
 
 async fn looked(fixture: &Fixture) -> Checked {
@@ -131,7 +162,7 @@ async fn changed_results_events_generations_and_candidates_are_found_when_they_a
     .await;
     harm(
         &fixture,
-        "update events set data = replace(data, 'queued', 'running') where id = 1",
+        "update events set data = replace(data, 'queued', 'paused') where id = 1",
     )
     .await;
     harm(
@@ -182,7 +213,7 @@ fn change(kind: Kind, table: &Sealed, column: Column) -> QueryBuilder {
     let name = column.name();
     let changed = match column {
         Column::Text(_) => format!("coalesce(\"{name}\", '') || ' '"),
-        Column::Integer(_) => format!("coalesce(\"{name}\", 0) + 1"),
+        Column::Integer(_) | Column::Real(_) => format!("coalesce(\"{name}\", 0) + 1"),
         Column::Bytes(_) => kind.either(
             format!("cast(\"{name}\" || x'01' as blob)"),
             format!("\"{name}\" || '\\x01'::bytea"),
@@ -218,7 +249,8 @@ async fn a_changed_token_is_found_when_it_is_used(fixture: Fixture) {
     assert_eq!(looked(&fixture).await.findings.len(), 1);
 }
 
-async fn a_job_ends_where_a_webhook_is_damaged(fixture: Fixture) {
+/// A webhook that is told of the ends of jobs.
+async fn webhook(fixture: &Fixture) -> WebhookId {
     let webhook = WebhookRow {
         id: WebhookId::new(),
         project: Project::default(),
@@ -227,8 +259,52 @@ async fn a_job_ends_where_a_webhook_is_damaged(fixture: Fixture) {
         secret: "whsec_1".to_owned(),
         created_at: jiff::Timestamp::now(),
     };
+    let id = webhook.id;
     let made = fixture.store.webhooks().insert(webhook).await;
-    assert!(made.is_ok());
+    assert!(made.expect("a write"));
+    id
+}
+
+async fn a_damaged_delivery_is_not_made_and_holds_up_no_other(fixture: Fixture) {
+    webhook(&fixture).await;
+    for _ in 0..2 {
+        let slice = at_work(&fixture).await;
+        assert_eq!(fixture.finish(&slice, Status::Succeeded).await, Hold::Kept);
+    }
+    let deliveries = fixture.store.deliveries();
+    let now = jiff::Timestamp::now();
+    let (due, _) = deliveries.due(now).await.expect("a look");
+    assert_eq!(due.len(), 1);
+    harm(
+        &fixture,
+        "update deliveries set payload = replace(payload, 'succeeded', 'failed') \
+         where id = (select min(id) from deliveries)",
+    )
+    .await;
+    let (next, _) = deliveries.due(now).await.expect("a look");
+    assert_eq!(next.len(), 1);
+    assert_ne!(next[0].id, due[0].id);
+    is_damage(deliveries.find(due[0].id).await, "delivery");
+    assert_eq!(fixture.store.damage().seen().rows, 1);
+}
+
+async fn what_an_older_server_writes_is_sealed_by_the_next_transaction(fixture: Fixture) {
+    let slice = at_work(&fixture).await;
+    // A trigger takes the seal away, and no writer of this store seals the row.
+    let pool = &fixture.store.database().writer_pool;
+    let mut tx = pool.begin_write().await.expect("a transaction");
+    database::query("update jobs set running_ms = running_ms + 1")
+        .execute(&mut tx)
+        .await
+        .expect("a change");
+    tx.commit().await.expect("a change");
+    assert_eq!(looked(&fixture).await.unsealed, 1);
+    assert_eq!(fixture.finish(&slice, Status::Succeeded).await, Hold::Kept);
+    assert_eq!(looked(&fixture).await, Checked::default());
+}
+
+async fn a_job_ends_where_a_webhook_is_damaged(fixture: Fixture) {
+    webhook(&fixture).await;
     let slice = at_work(&fixture).await;
     harm(&fixture, "update webhooks set events = '['").await;
     assert_eq!(fixture.finish(&slice, Status::Succeeded).await, Hold::Kept);
@@ -241,11 +317,26 @@ async fn a_job_ends_where_a_webhook_is_damaged(fixture: Fixture) {
 
 async fn changes_of_any_column_are_found_by_check(fixture: Fixture) {
     token(&fixture).await;
+    webhook(&fixture).await;
     let slice = at_work(&fixture).await;
     assert_eq!(fixture.begin(slice.lease.job).await.job.attempt, 1);
     let ended = at_work(&fixture).await;
     assert_eq!(fixture.finish(&ended, Status::Succeeded).await, Hold::Kept);
     datasets::insert(&fixture, "sha256:1").await;
+    growth::append(&fixture, growth::batch(0, "key")).await;
+    let compared = comparisons::comparison(Some(("compared", "1")));
+    let compared = fixture.store.comparisons().submit(compared).await;
+    assert!(matches!(compared, Ok(Submitted::Created(_))));
+    let person = NewHolder::Person(PersonRow {
+        name: "operator".to_owned(),
+        groups: Vec::new(),
+    });
+    let secret = Secret::new().expect("random bytes").digest();
+    let session = fixture
+        .store
+        .sessions()
+        .begin(person, secret, jiff::Timestamp::MAX);
+    session.await.expect("a session");
     let sound = looked(&fixture).await;
     assert_eq!((sound.findings.len(), sound.unsealed), (0, 0));
     let kind = fixture.store.readers().kind();
@@ -258,32 +349,32 @@ async fn changes_of_any_column_are_found_by_check(fixture: Fixture) {
                 .fetch_one(fixture.store.readers())
                 .await
                 .expect("a count");
-            let pool = &fixture.store.database().writer_pool;
-            let mut tx = pool.begin_write().await.expect("a transaction");
-            let changed = change(kind, table, *column).build().execute(&mut tx).await;
             // A column with a rule of its own, as one that has to be JSON, may refuse the change.
-            if changed.is_err() {
+            if below(&fixture, change(kind, table, *column)).await.is_err() {
                 continue;
             }
-            tx.commit().await.expect("a change");
-            let findings = looked(&fixture).await.findings;
-            assert!(
-                findings.len() as i64 >= rows.min(1),
-                "{}.{}",
-                table.table,
-                column.name()
-            );
+            let (name, column) = (table.table, column.name());
+            assert!(damaged(&fixture).await >= rows.min(1), "{name}.{column}");
             seal_again(&fixture).await;
-            assert_eq!(looked(&fixture).await, sound);
+            assert_eq!(damaged(&fixture).await, 0, "{name}.{column}");
         }
     }
+}
+
+/// How many rows are not what was written.
+async fn damaged(fixture: &Fixture) -> i64 {
+    let findings = looked(fixture).await.findings;
+    let rows = findings
+        .iter()
+        .filter(|finding| finding.starts_with("the stored"));
+    rows.count() as i64
 }
 
 /// Takes all rows as they are for what was written.
 async fn seal_again(fixture: &Fixture) {
     for table in TABLES {
         let mut update = QueryBuilder::new("update ");
-        update.push(table.table).push(" set seal = null");
+        update.push(format_args!("{} set {} = null", table.table, table.seal));
         let pool = &fixture.store.database().writer_pool;
         let mut tx = pool.begin_write().await.expect("a transaction");
         update.build().execute(&mut tx).await.expect("a change");

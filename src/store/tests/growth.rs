@@ -77,7 +77,7 @@ async fn the_key_of_a_job_goes_with_age_and_not_before_the_end_of_the_job(fixtur
 }
 
 /// Second `k` of sixty signals.
-fn batch(k: u32, key: &str) -> NewBatch {
+pub(super) fn batch(k: u32, key: &str) -> NewBatch {
     let signals = (0..60).map(|number| RowSignal {
         name: format!("signal {number}"),
         unit: "m".to_owned(),
@@ -110,7 +110,7 @@ fn batch(k: u32, key: &str) -> NewBatch {
     }
 }
 
-async fn append(fixture: &Fixture, batch: NewBatch) -> BatchOutcome {
+pub(super) async fn append(fixture: &Fixture, batch: NewBatch) -> BatchOutcome {
     fixture
         .store
         .streams()
