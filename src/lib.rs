@@ -26,6 +26,8 @@ pub mod access;
 
 pub(crate) mod admission;
 
+pub(crate) mod allowance;
+
 pub mod dashboard;
 
 pub mod job;

@@ -30,14 +30,16 @@ const CRATES: [Crate; 5] = [
         // database of one that does not run.
         ("cli", &["app", "config", "api", "access", "encrypted_file", "outbound", "store", "span", "job"]),
         // The composition root; only the command line imports it.
-        ("app", &["access", "config", "api", "dashboard", "delivery", "identity", "job", "store", "event", "watcher", "worker"]),
+        ("app", &["access", "allowance", "config", "api", "dashboard", "delivery", "identity", "job", "store", "event", "watcher", "worker"]),
         // Settings are handed to the parts as the parts' own types.
         ("config", &["api", "access", "delivery", "identity", "outbound", "store", "worker"]),
-        ("api", &["access", "admission", "dashboard", "delivery", "event", "identity", "span", "monitor", "store", "job"]),
+        ("api", &["access", "admission", "allowance", "dashboard", "delivery", "event", "identity", "span", "monitor", "store", "job"]),
         // Names of projects, scopes and secrets: nothing of ours.
         ("access", &[]),
         // Permits in fair turns.
         ("admission", &[]),
+        // How often somebody may do something.
+        ("allowance", &[]),
         ("dashboard", &[]),
         ("job", &[]),
         // What a monitor is asked, what it knows and what is shown of it.

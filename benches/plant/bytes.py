@@ -37,6 +37,11 @@ WORDS = {
     "mappings": "mapping", "unmapped_series": "series", "sessions": "session", "project_days": "time at work",
     "webhooks": "webhook", "deliveries": "delivery", "nodes": "life of a server",
 }
+# What the check says of a row of other tables.
+SENTENCES = {
+    "audit": "entry {} of the audit log", "job_bytes": "{} keeps another number of bytes",
+    "stored_bytes": "the project {} keeps another number of bytes",
+}
 FOUND = ("by check", "at start", "by the answer")
 FAULTS = ("WRONG", "REFUSED", "FAULT")
 
@@ -86,8 +91,11 @@ class Trial:
     def is_named(self, change):
         """Whether the check names the row of a change."""
         key = " ".join(change.key_after())
-        if change.table == "audit":
-            return f"entry {key} of the audit log" in self.findings
+        if change.table in SENTENCES:
+            return SENTENCES[change.table].format(key) in self.findings
+        if change.table == "tokens":
+            # Its seal has the digest as the key.
+            key = self.bench.value(change, "digest")
         words = WORDS.get(change.table, ())
         return any(f"the stored {word} of {key} does not read back" in self.findings
                    for word in ((words,) if isinstance(words, str) else words))
@@ -176,6 +184,14 @@ class Bench:
             change = draw(self.database, self.untried.pop() if self.untried else None)
             if not OF_THE_DRIVER.get(change.table, lambda key: False)(change.key):
                 return change
+
+    def value(self, change, column):
+        """The text in a column of a changed row, after the change."""
+        if change.column == column:
+            return change.after.decode(errors="replace")
+        _, rows = self.database.tables[change.table]
+        row = next(row for row in rows if all(row[name][1] == value for name, value in change.key.items()))
+        return row[column][1].decode(errors="replace")
 
     def count(self, change, outcome):
         self.counts[outcome] += 1

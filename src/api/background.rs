@@ -7,6 +7,7 @@ use std::sync::Arc;
 
 use parking_lot::Mutex;
 use rayon::{ThreadPool, ThreadPoolBuilder};
+use tokio::runtime::{Builder, Runtime};
 use tokio::sync::oneshot;
 
 use crate::admission::Permit;
@@ -62,6 +63,42 @@ impl Background {
         match done.await {
             Ok(Ok(value)) => Ok(value),
             Ok(Err(_)) | Err(_) => Err(Panicked),
+        }
+    }
+}
+
+/// Tasks on a thread of lower priority, which take turns. Cheap to clone.
+#[derive(Clone)]
+pub(super) struct BackgroundTasks(Arc<Tasks>);
+
+struct Tasks(Option<Runtime>);
+
+impl BackgroundTasks {
+    /// Starts the thread.
+    pub(super) fn new(name: &'static str) -> Self {
+        let runtime = Builder::new_multi_thread()
+            .worker_threads(1)
+            .thread_name(name)
+            .on_thread_start(platform::give_way)
+            .build();
+        Self(Arc::new(Tasks(Some(
+            runtime.expect("the system starts a thread"),
+        ))))
+    }
+
+    /// Starts a task, which ends with the thread.
+    pub(super) fn spawn(&self, task: impl Future<Output = ()> + Send + 'static) {
+        if let Tasks(Some(runtime)) = &*self.0 {
+            runtime.spawn(task);
+        }
+    }
+}
+
+impl Drop for Tasks {
+    fn drop(&mut self) {
+        // A runtime that is dropped waits for its thread, which a task of another runtime must not.
+        if let Some(runtime) = self.0.take() {
+            runtime.shutdown_background();
         }
     }
 }

@@ -17,7 +17,7 @@ use tokio::time::Instant;
 use super::error::{Answer, Kind, Problem};
 use super::limits::Limits;
 use super::spool::{Spool, SpoolRoom};
-use super::work::Work;
+use super::work::{LARGE_BYTES, Work};
 use crate::event::EventHub;
 use crate::store::{Datasets, Meaning};
 use greybox::intake::ReadError;
@@ -34,6 +34,9 @@ const IN_MEMORY: usize = 256 << 10;
 /// A document of so many bytes at the most is parsed where it was received: that takes less time
 /// than handing it to another thread.
 const SMALL_BYTES: usize = 32 << 10;
+
+/// How packed files begin: workbooks and other archives, old workbooks, Parquet, gzip.
+const PACKED: [&[u8]; 4] = [b"PK", b"\xd0\xcf\x11\xe0", b"PAR1", b"\x1f\x8b"];
 
 /// A parsed body: the parser's answer, and the digest of all the bytes.
 pub struct Parsed<T> {
@@ -56,9 +59,12 @@ enum Content {
 }
 
 impl Received {
-    /// How many bytes came.
-    fn bytes(&self) -> usize {
+    /// How many bytes came; of a packed file, which takes more than it has, as many as of a large one at the least.
+    pub(super) fn bytes(&self) -> usize {
         match &self.content {
+            Content::Memory(bytes) if PACKED.iter().any(|begin| bytes.starts_with(begin)) => {
+                bytes.len().max(LARGE_BYTES)
+            }
             Content::Memory(bytes) => bytes.len(),
             Content::Disk(spool) => spool.bytes(),
         }

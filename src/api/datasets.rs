@@ -246,7 +246,8 @@ pub async fn create(
     }
     let received = bodies.receive(request.into_body(), limit).await;
     let received = received.map_err(|problem| problem.or_instead(SMALLER))?;
-    let _permit = bodies.work.recording_permit().await?;
+    let permit = bodies.work.recording_permit_of(received.bytes());
+    let _permit = permit.await?;
     let scratch = bodies.datasets.scratch();
     let parsed = bodies
         .parse_received(received, move |text| {

@@ -17,6 +17,7 @@ use tracing::Instrument as _;
 use uuid::Uuid;
 
 use super::audit::{ActedOn, AnsweredRequest, Audit};
+use super::background::BackgroundTasks;
 use super::client::{Client, PeerAddress};
 use super::error::{PROBLEM_JSON, Problem};
 use super::http_headers::{GZIP_TAG_END, prefers};
@@ -53,10 +54,11 @@ pub fn with_middleware(routes: Router, around: Around) -> Router {
         audit: around.audit,
         speaks_tls: around.speaks_tls,
     };
+    let unpackers = BackgroundTasks::new("unpack");
     routes
         .fallback(|| async { StatusCode::NOT_FOUND })
         .layer(from_fn_with_state(around.names, origin::check))
-        .layer(from_fn(unpacking::bound))
+        .layer(from_fn_with_state(unpackers, unpacking::bound))
         .layer(RequestDecompressionLayer::new())
         .layer(from_fn(unpacking::count))
         .layer(CatchPanicLayer::custom(panicked))

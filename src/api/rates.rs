@@ -8,6 +8,7 @@ use axum::response::Response;
 
 use super::error::{Answer, Kind, Problem};
 use super::watched_body::watched;
+use crate::allowance::{Allowance, Rate};
 
 /// How long the refusal of a caller that asks too fast is held back. A flood of refusals takes the server's time else.
 const HELD_BACK: Duration = Duration::from_millis(500);
@@ -19,15 +20,13 @@ const REMEMBERED: usize = 10_000;
 /// What callers have asked lately, and have under way.
 #[derive(Clone)]
 pub(super) struct Rates {
-    per_second: f64,
-    burst: f64,
+    rate: Rate,
     at_once: u32,
     callers: Arc<Mutex<HashMap<String, Caller>>>,
 }
 
 struct Caller {
-    /// Requests that may come now.
-    left: f64,
+    allowance: Allowance,
     seen: Instant,
     under_way: u32,
 }
@@ -37,8 +36,10 @@ impl Rates {
     /// may be under way.
     pub(super) fn new(per_second: f64, burst: f64, at_once: u32) -> Self {
         Self {
-            per_second,
-            burst: burst.max(1.0),
+            rate: Rate {
+                per_second,
+                at_once: burst.max(1.0),
+            },
             at_once,
             callers: Arc::default(),
         }
@@ -59,32 +60,28 @@ impl Rates {
 
     fn admit(&self, who: &str) -> Answer<UnderWay> {
         let now = Instant::now();
-        let most = self.burst;
         let mut callers = self.callers();
         if callers.len() >= REMEMBERED && !callers.contains_key(who) {
             callers.retain(|_, caller| caller.under_way > 0 || caller.seen.elapsed() < IDLE);
         }
         let caller = callers.entry(who.to_owned()).or_insert(Caller {
-            left: most,
+            allowance: Allowance::of(self.rate, now),
             seen: now,
             under_way: 0,
         });
-        let passed = now.duration_since(caller.seen).as_secs_f64();
-        caller.left = (caller.left + passed * self.per_second).min(most);
         caller.seen = now;
         if caller.under_way >= self.at_once {
             let detail = format!("{} requests of `{who}` are under way at once", self.at_once);
             return Err(Problem::new(Kind::TooMany, detail).retry_after(1));
         }
-        if caller.left < 1.0 {
-            let wait_s = ((1.0 - caller.left) / self.per_second).ceil();
+        if let Err(wait) = caller.allowance.take(self.rate, now) {
+            let wait_s = wait.as_secs_f64().ceil();
             let detail = format!(
                 "`{who}` may ask {} times a second; the next time in {wait_s} s",
-                self.per_second
+                self.rate.per_second
             );
             return Err(Problem::new(Kind::TooMany, detail).retry_after(wait_s as u32));
         }
-        caller.left -= 1.0;
         caller.under_way += 1;
         Ok(UnderWay {
             rates: self.clone(),

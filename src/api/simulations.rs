@@ -159,7 +159,7 @@ pub async fn simulate(
     }
     let points = query.max_points.unwrap_or(MAX_POINTS);
     let points = usize::try_from(points).expect("the limit is small");
-    let written = state.work.convert(move || {
+    let written = state.work.convert_bytes(outputs.bytes(), move || {
         let _permit = permit;
         let simulated = outputs.time.samples();
         let samples = outputs.decimate(None, None, None, points);

@@ -189,7 +189,7 @@ async fn write(state: &ApiState, client: Client, target: WriteTarget, request: R
     let mapping = mapping.ok_or_else(|| target.unknown())?.mapping;
     let limit = state.limits.dataset_bytes;
     let received = state.bodies.receive(request.into_body(), limit).await?;
-    let _permit = state.work.recording_permit().await?;
+    let _permit = state.work.recording_permit_of(received.bytes()).await?;
     let latest_ns = nanoseconds(latest(&state.limits));
     let precision = target.precision;
     let parsed = state.bodies.parse_received(received, move |text| {

@@ -181,7 +181,7 @@ pub async fn append(
     let limit = state.limits.dataset_bytes;
     let received = state.bodies.receive(request.into_body(), limit).await;
     let received = received.map_err(|problem| problem.or_instead(SMALLER))?;
-    let _permit = state.work.recording_permit().await?;
+    let _permit = state.work.recording_permit_of(received.bytes()).await?;
     let scratch = state.store.datasets().scratch();
     let options = options.for_purpose(ReadingPurpose::Stream);
     let latest = stamps::latest(&state.limits);

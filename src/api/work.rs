@@ -24,7 +24,11 @@ const LONGEST_COMPUTATION: Duration = Duration::from_secs(20);
 const LAST_ANSWER: Duration = Duration::from_secs(2);
 
 /// From how many bytes on a recording is read and written in the background.
-const LARGE_BYTES: usize = 1 << 20;
+pub(super) const LARGE_BYTES: usize = 128 << 10;
+/// How many small recordings there may be in memory for each large one.
+const SMALL_FOR_A_LARGE: usize = 16;
+
+const TOO_MANY_RECORDINGS: &str = "too many recordings at once";
 
 /// Raises a stop flag when it goes out of scope.
 struct StopOnDrop(Arc<AtomicBool>);
@@ -40,12 +44,16 @@ impl Drop for StopOnDrop {
 pub struct Work {
     /// Ends computations when the server goes down.
     hub: EventHub,
-    /// Documents and recordings that are read or written at the same time.
+    /// Documents and small recordings that are read or written at the same time.
     conversions: Limited,
+    /// Large recordings that are read or written at the same time; they keep no small one waiting.
+    large_conversions: Limited,
     /// Computations for clients that wait.
     computations: Limited,
     /// Recordings that are in memory.
     recordings: Limited,
+    /// Small recordings that are in memory; none waits for a large one.
+    small_recordings: Limited,
     /// Threads that compute for clients that wait.
     computing: Background,
     /// Threads that read and write large recordings.
@@ -58,11 +66,19 @@ impl Work {
         Self {
             hub,
             conversions: Limited::new(limits.conversions_at_once, "too many documents at once"),
+            large_conversions: Limited::new(
+                limits.conversions_at_once,
+                "too many large recordings at once",
+            ),
             computations: Limited::new(
                 limits.computations_at_once,
                 "too many computations at once",
             ),
-            recordings: Limited::new(limits.recordings_at_once, "too many recordings at once"),
+            recordings: Limited::new(limits.recordings_at_once, TOO_MANY_RECORDINGS),
+            small_recordings: Limited::new(
+                SMALL_FOR_A_LARGE * limits.recordings_at_once,
+                TOO_MANY_RECORDINGS,
+            ),
             computing: Background::new("request", limits.computations_at_once, limits.threads / 2),
             converting: Background::new("recording", limits.conversions_at_once, 1),
         }
@@ -71,6 +87,15 @@ impl Work {
     /// A whole recording takes memory: only so many at once, others wait.
     pub(super) async fn recording_permit(&self) -> Answer<Permit> {
         self.recordings.take().await
+    }
+
+    /// As [`Self::recording_permit`], for a recording of so many bytes.
+    pub(super) async fn recording_permit_of(&self, bytes: usize) -> Answer<Permit> {
+        let recordings = match bytes < LARGE_BYTES {
+            true => &self.small_recordings,
+            false => &self.recordings,
+        };
+        recordings.take().await
     }
 
     /// Runs what reads or writes a document: moments, whatever it holds.
@@ -95,7 +120,7 @@ impl Work {
         if bytes < LARGE_BYTES {
             return self.convert(work).await;
         }
-        let place = self.conversions.take().await?;
+        let place = self.large_conversions.take().await?;
         let done = self.converting.run(place, work).await;
         done.unwrap_or_else(|panic| Err(panicked(panic)))
     }

@@ -8,7 +8,7 @@ use std::io;
 use std::net::SocketAddr;
 use std::pin::{Pin, pin};
 use std::sync::Arc;
-use std::time::Duration;
+use std::time::{Duration, Instant};
 
 use axum::Router;
 use axum::http::Request;
@@ -61,7 +61,7 @@ pub(super) async fn serve(listening: Listening, routes: Router, closing: Cancell
         tokio::select! {
             () = closing.cancelled() => break,
             taken = take(&listener), if connections.len() < at_once => {
-                let Some(place) = addresses.place(taken.1.ip()) else {
+                let Some(place) = addresses.place(taken.1.ip(), Instant::now()) else {
                     metrics::counter!("greybox_connections_refused_total").increment(1);
                     continue;
                 };

@@ -1,6 +1,5 @@
 //! Events on their way to webhooks: stored in the transaction of what an event tells of, and sent after.
 
-use std::collections::BTreeMap;
 use std::sync::Arc;
 use std::time::Duration;
 
@@ -221,18 +220,10 @@ impl Deliveries {
         query.push_bind(FIRST_OF_A_PLACE);
         query.push(")");
         let rows = query.build().fetch_all(&self.database.readers).await?;
-        let mut first: BTreeMap<WebhookId, DeliveryRow> = BTreeMap::new();
+        let mut waiting = Vec::with_capacity(rows.len());
         for row in &rows {
             match read(row) {
-                Ok(mut row) => {
-                    if row.due_at.duration_since(now) > jiff::SignedDuration::from_millis(longest) {
-                        row.due_at = Timestamp::UNIX_EPOCH;
-                    }
-                    let place = first.entry(row.webhook).or_insert_with(|| row.clone());
-                    if (row.due_at, row.id) < (place.due_at, place.id) {
-                        *place = row;
-                    }
-                }
+                Ok(row) => waiting.push(row),
                 // A damaged delivery holds up no other.
                 Err(error) if error.corrupt_row().is_some() => {
                     self.database.damage.note(&error);
@@ -241,7 +232,15 @@ impl Deliveries {
                 Err(error) => return Err(error),
             }
         }
-        let (due, later): (Vec<_>, Vec<_>) = first.into_values().partition(|row| row.due_at <= now);
+        let longest = jiff::SignedDuration::from_millis(longest);
+        for row in &mut waiting {
+            if row.due_at.duration_since(now) > longest {
+                row.due_at = Timestamp::UNIX_EPOCH;
+            }
+        }
+        waiting.sort_by_key(|row| (row.webhook, row.due_at, row.id));
+        waiting.dedup_by_key(|row| row.webhook);
+        let (due, later): (Vec<_>, Vec<_>) = waiting.into_iter().partition(|row| row.due_at <= now);
         Ok((due, later.iter().map(|row| row.due_at).min()))
     }
 
