@@ -23,6 +23,7 @@ use crate::dashboard;
 use crate::delivery::Sender;
 use crate::event::EventHub;
 use crate::identity::Provider;
+use crate::priority::{self, LowerPriority};
 use crate::store::{Retention, Store, StoreError};
 use crate::watcher::Watcher;
 use crate::worker::Worker;
@@ -330,6 +331,7 @@ fn listen(address: SocketAddr) -> Result<TcpListener, StartError> {
 fn share_threads(threads: usize) {
     let pool = rayon::ThreadPoolBuilder::new()
         .num_threads(threads)
+        .start_handler(|_| priority::give_way(LowerPriority::Jobs))
         .thread_name(|number| format!("compute-{number}"));
     if let Err(error) = pool.build_global() {
         tracing::debug!(%error, "the process has its threads already");

@@ -28,6 +28,8 @@ pub(crate) mod admission;
 
 pub(crate) mod allowance;
 
+pub(crate) mod priority;
+
 pub mod dashboard;
 
 pub mod job;

@@ -30,14 +30,16 @@ const CRATES: [Crate; 5] = [
         // database of one that does not run.
         ("cli", &["app", "config", "api", "access", "encrypted_file", "outbound", "store", "span", "job"]),
         // The composition root; only the command line imports it.
-        ("app", &["access", "allowance", "config", "api", "dashboard", "delivery", "identity", "job", "store", "event", "watcher", "worker"]),
+        ("app", &["access", "allowance", "config", "api", "dashboard", "delivery", "identity", "job", "priority", "store", "event", "watcher", "worker"]),
         // Settings are handed to the parts as the parts' own types.
         ("config", &["api", "access", "delivery", "identity", "outbound", "store", "worker"]),
-        ("api", &["access", "admission", "allowance", "dashboard", "delivery", "event", "identity", "span", "monitor", "store", "job"]),
+        ("api", &["access", "admission", "allowance", "dashboard", "delivery", "event", "identity", "priority", "span", "monitor", "store", "job"]),
         // Names of projects, scopes and secrets: nothing of ours.
         ("access", &[]),
         // Permits in fair turns.
         ("admission", &[]),
+        // Which threads give way to which.
+        ("priority", &[]),
         // How often somebody may do something.
         ("allowance", &[]),
         ("dashboard", &[]),
@@ -119,7 +121,7 @@ const PLACES: &[(&str, &[&str])] = &[
     ("getrandom", &["src/access", "src/delivery", "src/encrypted_file"]),
     // Connections are files.
     ("rlimit", &["src/app"]),
-    ("rustix", &["src/api/background.rs", "src/app/system.rs"]),
+    ("rustix", &["src/priority.rs", "src/app/system.rs"]),
     ("tower", &["src/api", "src/dashboard", "src/app"]),
     ("tower_http", &["src/api", "src/dashboard", "src/app"]),
     ("utoipa_axum", &["src/api"]),

@@ -11,6 +11,7 @@ use tokio::runtime::{Builder, Runtime};
 use tokio::sync::oneshot;
 
 use crate::admission::Permit;
+use crate::priority::{self, LowerPriority};
 
 /// Work whose thread panicked.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
@@ -29,7 +30,7 @@ impl Background {
             let group = ThreadPoolBuilder::new()
                 .num_threads(threads.max(1))
                 .thread_name(move |number| format!("{name}-{number}"))
-                .start_handler(|_| platform::give_way())
+                .start_handler(|_| priority::give_way(LowerPriority::Requests))
                 .build();
             Arc::new(group.expect("the system starts a thread"))
         };
@@ -79,7 +80,7 @@ impl BackgroundTasks {
         let runtime = Builder::new_multi_thread()
             .worker_threads(1)
             .thread_name(name)
-            .on_thread_start(platform::give_way)
+            .on_thread_start(|| priority::give_way(LowerPriority::Requests))
             .build();
         Self(Arc::new(Tasks(Some(
             runtime.expect("the system starts a thread"),
@@ -101,33 +102,6 @@ impl Drop for Tasks {
             runtime.shutdown_background();
         }
     }
-}
-
-#[cfg(target_os = "linux")]
-mod platform {
-    //! Each thread has a priority of its own.
-
-    use rustix::process::{Pid, setpriority_process};
-    use rustix::thread::gettid;
-
-    /// How nice the threads are: against one thread of a job each has a seventh of a processor, and all of it where no
-    /// job is at work.
-    const NICENESS: i32 = 8;
-
-    /// Lowers the priority of this thread.
-    pub(super) fn give_way() {
-        let thread: Pid = gettid();
-        if let Err(error) = setpriority_process(Some(thread), NICENESS) {
-            tracing::warn!(%error, "computations for requests have the priority of jobs");
-        }
-    }
-}
-
-#[cfg(not(target_os = "linux"))]
-mod platform {
-    //! A priority is that of the whole process.
-
-    pub(super) fn give_way() {}
 }
 
 #[cfg(test)]

@@ -38,6 +38,10 @@ const MOST_HEADERS: usize = 500;
 const LARGEST_BUFFER: usize = 128 << 10;
 /// How long nobody is taken after that failed, which it does when files are used up.
 const BACK_OFF: Duration = Duration::from_secs(1);
+/// After so many connections that were closed at once nobody is taken for a moment: who opens them as fast as the
+/// system allows would have the time of the server else.
+const REFUSED_TOGETHER: u64 = 8;
+const PAUSE: Duration = Duration::from_millis(1);
 /// Connections that may wait to be taken: all clients come back at once when a server starts again, and one
 /// that finds no room tries again only after a second. The system may allow fewer.
 const CONNECTIONS_WAITING: u32 = 4096;
@@ -57,12 +61,17 @@ pub(super) async fn serve(listening: Listening, routes: Router, closing: Cancell
     // Built once; each connection shares them.
     let routes: Router = routes.with_state(());
     let mut connections = JoinSet::new();
+    let mut refused = 0_u64;
     loop {
         tokio::select! {
             () = closing.cancelled() => break,
             taken = take(&listener), if connections.len() < at_once => {
                 let Some(place) = addresses.place(taken.1.ip(), Instant::now()) else {
                     metrics::counter!("greybox_connections_refused_total").increment(1);
+                    refused += 1;
+                    if refused.is_multiple_of(REFUSED_TOGETHER) {
+                        tokio::time::sleep(PAUSE).await;
+                    }
                     continue;
                 };
                 let (routes, closing) = (routes.clone(), closing.clone());

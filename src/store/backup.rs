@@ -216,11 +216,15 @@ pub async fn check(database: &Path) -> Result<Checked, StoreError> {
         findings: check_file(database).await?,
         ..Checked::default()
     };
-    if checked.findings.is_empty() && is_up_to_date(database).await? {
+    let has_schema = is_up_to_date(database).await;
+    if has_schema.is_ok_and(|is_up_to_date| is_up_to_date) {
         let pool = pool(database).await?;
         let looked = check::look(&pool, &mut checked).await;
         pool.close().await;
-        looked?;
+        // Rows cannot all be looked at where a page or a table is damaged.
+        if let Err(error) = looked {
+            checked.findings.push(error.to_string());
+        }
     }
     Ok(checked)
 }
