@@ -26,11 +26,11 @@ pub(super) struct Addresses {
     rate: Rate,
     /// Proxies, who stand for many.
     free: Arc<[IpNet]>,
-    sites: Arc<Mutex<HashMap<IpAddr, Site>>>,
+    sites: Arc<Mutex<HashMap<IpAddr, AddressUse>>>,
 }
 
 /// What is known of an address.
-struct Site {
+struct AddressUse {
     open: usize,
     opening: Allowance,
 }
@@ -61,7 +61,7 @@ impl Addresses {
             sites.retain(|_, site| site.open > 0 || !site.opening.is_whole(self.rate, now));
         }
         let address = site_of(peer);
-        let site = sites.entry(address).or_insert(Site {
+        let site = sites.entry(address).or_insert(AddressUse {
             open: 0,
             opening: Allowance::of(self.rate, now),
         });

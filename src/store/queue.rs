@@ -17,7 +17,7 @@ use super::columns;
 use super::database::{self, Kind, Pool, QueryBuilder, Transaction};
 use super::shared_database::Database;
 use super::writer::{Tx, in_transaction};
-use super::{Change, StoreError};
+use super::{Change, StoreError, corrupt};
 use crate::access::Project;
 use greybox::identification::JobId;
 
@@ -122,12 +122,12 @@ async fn enqueue(
     let queue = tx.queue.clone();
     let options = options(project).with_priority(priority);
     let insert = queue.insert(SliceOfJob { job }).opts(options);
-    let entry = match tx.transaction() {
-        Transaction::Sqlite(transaction) => insert.tx(transaction).await?,
-        Transaction::Postgres(transaction) => insert.tx(transaction).await?,
+    let inserted = match tx.transaction() {
+        Transaction::Sqlite(transaction) => insert.tx(transaction).await,
+        Transaction::Postgres(transaction) => insert.tx(transaction).await,
     };
     tx.announce(Change::SliceWaits(project.clone()));
-    Ok(entry.id())
+    Ok(inserted.map_err(not_inserted)?.id())
 }
 
 /// Adds an entry for each of many jobs; the ids come in the order of the jobs.
@@ -142,15 +142,30 @@ pub(super) async fn enqueue_all(
     let entries = entries.map(|(job, project)| (SliceOfJob { job: *job }, options(project)));
     let queue = tx.queue.clone();
     let insert = queue.insert_many(entries);
-    let entries = match tx.transaction() {
-        Transaction::Sqlite(transaction) => insert.tx(transaction).await?,
-        Transaction::Postgres(transaction) => insert.tx(transaction).await?,
+    let inserted = match tx.transaction() {
+        Transaction::Sqlite(transaction) => insert.tx(transaction).await,
+        Transaction::Postgres(transaction) => insert.tx(transaction).await,
     };
     let projects: BTreeSet<&Project> = jobs.iter().map(|(_, project)| project).collect();
     for project in projects {
         tx.announce(Change::SliceWaits(project.clone()));
     }
+    let entries = inserted.map_err(not_inserted)?;
     Ok(entries.iter().map(|entry| entry.id()).collect())
+}
+
+/// Why an entry cannot be added. The database numbers entries, so that one with the next number was changed.
+fn not_inserted(error: riverqueue::Error) -> StoreError {
+    match &error {
+        riverqueue::Error::Database(why)
+            if why
+                .as_database_error()
+                .is_some_and(|why| why.is_unique_violation()) =>
+        {
+            corrupt("entry of the queue", "the next number", why)
+        }
+        _ => error.into(),
+    }
 }
 
 fn options(project: &Project) -> InsertOpts {

@@ -17,6 +17,7 @@ on_both! {
     a_job_ends_where_a_webhook_is_damaged,
     a_damaged_delivery_is_not_made_and_holds_up_no_other,
     what_an_older_server_writes_is_sealed_by_the_next_transaction,
+    a_changed_number_in_the_queue_keeps_no_job_out,
     rows_in_each_others_place_are_found,
     changes_of_any_column_are_found_by_check,
     rows_without_a_seal_are_counted_until_they_are_sealed,
@@ -286,6 +287,21 @@ async fn a_damaged_delivery_is_not_made_and_holds_up_no_other(fixture: Fixture) 
     assert_ne!(next[0].id, due[0].id);
     is_damage(deliveries.find(due[0].id).await, "delivery");
     assert_eq!(fixture.store.damage().seen().rows, 1);
+}
+
+async fn a_changed_number_in_the_queue_keeps_no_job_out(fixture: Fixture) {
+    fixture.submit().await;
+    harm(&fixture, "update river_job set id = id + 1").await;
+    let submissions = fixture.store.submissions();
+    // Where the database has counted on without looking, the next number is taken.
+    if let Err(error) = submissions.submit(job(None)).await {
+        is_damage(Err::<(), _>(error), "entry of the queue");
+    }
+    let submitted = submissions.submit(job(None)).await;
+    assert!(
+        matches!(submitted, Ok(Submitted::Created(_))),
+        "{submitted:?}"
+    );
 }
 
 async fn what_an_older_server_writes_is_sealed_by_the_next_transaction(fixture: Fixture) {
