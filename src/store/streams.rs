@@ -54,7 +54,7 @@ impl Streams {
         name: &str,
     ) -> Result<Option<StreamRow>, StoreError> {
         let mut connection = self.database.readers.acquire().await?;
-        fetch(&mut connection, &identity(project, name)).await
+        fetch(&mut connection, project, name).await
     }
 
     /// Streams of a project by name, after `after`.
@@ -147,9 +147,12 @@ impl Streams {
         name: &str,
         span: Range<i64>,
     ) -> Result<Option<Cleared>, StoreError> {
-        let identity = identity(project, name);
+        let (project, name) = (project.clone(), name.to_owned());
         let span = Span::from(span);
-        in_transaction!(self.database, |tx| removal::remove(tx, identity, span)).await
+        in_transaction!(self.database, |tx| async move {
+            removal::remove(tx, &project, &name, span).await
+        })
+        .await
     }
 
     /// Removes a stream of a project that no monitor watches.
@@ -168,7 +171,7 @@ pub(super) async fn append(tx: &mut Tx, new: NewBatch) -> Result<BatchOutcome, S
     {
         return Ok(earlier);
     }
-    let before = fetch(tx, &identity(&new.project, &new.stream)).await?;
+    let before = fetch(tx, &new.project, &new.stream).await?;
     let is_new = before.is_none();
     if is_new && count(tx, &new.project).await? >= MAX_STREAMS {
         return Ok(BatchOutcome::TooManyStreams);

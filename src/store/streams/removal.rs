@@ -2,6 +2,7 @@
 
 use super::blocks::{self, Span};
 use super::stream::{StreamRow, fetch};
+use crate::access::Project;
 use crate::store::writer::Tx;
 use crate::store::{Change, StoreError};
 
@@ -17,10 +18,11 @@ pub struct Cleared {
 /// Removes the samples of a span; nothing where there is no such stream.
 pub(super) async fn remove(
     tx: &mut Tx,
-    identity: String,
+    project: &Project,
+    name: &str,
     span: Span,
 ) -> Result<Option<Cleared>, StoreError> {
-    let Some(mut stream) = fetch(tx, &identity).await? else {
+    let Some(mut stream) = fetch(tx, project, name).await? else {
         return Ok(None);
     };
     let removed = blocks::remove(tx, &mut stream, span).await?;

@@ -161,10 +161,16 @@ pub(super) const SELECT: &str = "select identity, project, name, signals, zone, 
 
 pub(super) async fn fetch(
     connection: &mut Connection,
-    identity: &str,
+    project: &Project,
+    name: &str,
 ) -> Result<Option<StreamRow>, StoreError> {
+    // Where one of the three is damaged the row is found all the same, and told of.
     let mut query = QueryBuilder::new(SELECT);
-    query.push(" where identity = ").push_bind(identity);
+    query
+        .push(" where identity = ")
+        .push_bind(identity(project, name));
+    query.push(" or project = ").push_bind(project.as_str());
+    query.push(" and name = ").push_bind(name);
     let row = query.build().fetch_optional(connection).await?;
     row.as_ref().map(read).transpose()
 }
