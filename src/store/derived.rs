@@ -26,6 +26,10 @@ pub(super) async fn look(
                 "the method or the trust of {job} is not the one it has"
             ));
         }
+        for oldest in keys(tx, QueryBuilder::new(OLDEST)).await? {
+            let finding = format!("the oldest schema whose servers work with it would be {oldest}");
+            findings.push(finding);
+        }
     }
     let mut entries = QueryBuilder::new(
         "select jobs.id from jobs join river_job on river_job.id = jobs.queue_entry \
@@ -64,6 +68,10 @@ const STORED_BYTES: &str = "select project from ( \
 /// Each job of a PostgreSQL with a method or a trust that is not that of its specification or its result.
 const COMPUTED: &str = "select id from jobs where method is distinct from spec::json #>> '{method,name}' \
     union all select job from results where trust is distinct from outcome::json #>> '{verdict,trust}'";
+
+/// The oldest schema whose servers work with a PostgreSQL, where it is newer than that of the database.
+const OLDEST: &str = "select cast(oldest as text) from schema_support \
+    where oldest > (select max(version) from _sqlx_migrations)";
 
 /// What a statement with one column selects.
 async fn keys(tx: &mut Connection, statement: QueryBuilder) -> Result<Vec<String>, StoreError> {
