@@ -31,6 +31,9 @@ pub(super) async fn look(
             findings.push(finding);
         }
     }
+    for migration in keys(tx, QueryBuilder::new(HALF_DONE)).await? {
+        findings.push(format!("the migration {migration} is half done"));
+    }
     let mut entries = QueryBuilder::new(
         "select jobs.id from jobs join river_job on river_job.id = jobs.queue_entry \
          where jobs.status in ('queued', 'running') and not (",
@@ -72,6 +75,8 @@ const COMPUTED: &str = "select id from jobs where method is distinct from spec::
 /// The oldest schema whose servers work with a PostgreSQL, where it is newer than that of the database.
 const OLDEST: &str = "select cast(oldest as text) from schema_support \
     where oldest > (select max(version) from _sqlx_migrations)";
+
+const HALF_DONE: &str = "select cast(version as text) from _sqlx_migrations where not success";
 
 /// What a statement with one column selects.
 async fn keys(tx: &mut Connection, statement: QueryBuilder) -> Result<Vec<String>, StoreError> {
