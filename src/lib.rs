@@ -26,9 +26,9 @@ pub mod access;
 
 pub(crate) mod admission;
 
-pub(crate) mod allowance;
-
 pub(crate) mod priority;
+
+pub(crate) mod allowance;
 
 pub mod dashboard;
 
