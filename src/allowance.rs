@@ -36,7 +36,8 @@ impl Allowance {
         self.left = self.left_at(rate, now);
         self.seen = now;
         if self.left < 1.0 {
-            return Err(Duration::from_secs_f64((1.0 - self.left) / rate.per_second));
+            let wait_s = (1.0 - self.left) / rate.per_second;
+            return Err(Duration::try_from_secs_f64(wait_s).unwrap_or(Duration::MAX));
         }
         self.left -= 1.0;
         Ok(())

@@ -29,7 +29,7 @@ pub(super) struct Addresses {
     sites: Arc<Mutex<HashMap<IpAddr, AddressUse>>>,
 }
 
-/// What is known of an address.
+/// The connections that an address has open, and those that it may open now.
 struct AddressUse {
     open: usize,
     opening: Allowance,

@@ -4,6 +4,9 @@
 use super::database::{Connection, Kind, QueryBuilder};
 use super::{StoreError, queue};
 
+/// Faults of one kind that are named.
+const MOST_NAMED: usize = 100;
+
 /// Looks at all that follows from other rows, in one transaction.
 pub(super) async fn look(
     tx: &mut Connection,
@@ -78,7 +81,8 @@ const OLDEST: &str = "select cast(oldest as text) from schema_support \
 
 const HALF_DONE: &str = "select cast(version as text) from _sqlx_migrations where not success";
 
-/// What a statement with one column selects.
-async fn keys(tx: &mut Connection, statement: QueryBuilder) -> Result<Vec<String>, StoreError> {
+/// What a statement with one column selects first.
+async fn keys(tx: &mut Connection, mut statement: QueryBuilder) -> Result<Vec<String>, StoreError> {
+    statement.push(format_args!(" limit {MOST_NAMED}"));
     Ok(statement.build_query_scalar().fetch_all(tx).await?)
 }

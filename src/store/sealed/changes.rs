@@ -1,7 +1,7 @@
 //! Seals rows at the end of the transaction that wrote them.
 //!
-//! A row that is new, and one that changes, has no seal: triggers of the database see to that. An index of the rows
-//! without a seal, which is empty between transactions, says which they are.
+//! A row that is new, and one that changes, has no seal: triggers of the database see to that. An index, which is
+//! empty between transactions, holds the rows without a seal.
 
 use super::seal::Sealed;
 use super::tables::CHANGING;

@@ -3,7 +3,7 @@
 use futures_util::TryStreamExt;
 use sqlx::postgres::PgConnectOptions;
 
-use super::tables::TABLES;
+use super::tables::sealed_tables;
 use crate::store::database::postgres::Use;
 use crate::store::database::{Losses, Pool, query_scalar};
 use crate::store::{AuditHead, StoreError, audit, derived, schema_version};
@@ -67,7 +67,7 @@ pub async fn seal_postgres(options: &PgConnectOptions) -> Result<u64, StoreError
 /// Looks at all sealed rows, and at the chain of the audit log.
 pub(in crate::store) async fn look(pool: &Pool, checked: &mut Checked) -> Result<(), StoreError> {
     let mut more = 0_u64;
-    for table in TABLES {
+    for table in sealed_tables() {
         let mut select = table.select();
         select.push(table.table);
         let mut rows = select.build().fetch(pool);
@@ -103,7 +103,7 @@ pub(in crate::store) async fn look(pool: &Pool, checked: &mut Checked) -> Result
 /// Seals all rows that have no seal; answers how many.
 pub(in crate::store) async fn seal_all(pool: &Pool) -> Result<u64, StoreError> {
     let mut sealed = 0;
-    for table in TABLES {
+    for table in sealed_tables() {
         let mut after = Vec::new();
         loop {
             let mut tx = pool.begin_write_in_turn().await?;

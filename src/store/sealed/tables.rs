@@ -428,7 +428,12 @@ pub(in crate::store) const NODES: Sealed = Sealed {
 };
 
 /// All tables whose rows are sealed.
-pub(in crate::store) const TABLES: [&Sealed; 39] = [
+pub(in crate::store) fn sealed_tables() -> impl Iterator<Item = &'static Sealed> {
+    LASTING.into_iter().chain(CHANGING)
+}
+
+/// The tables whose rows last as they are, or are sealed by whoever writes them.
+const LASTING: [&Sealed; 18] = [
     &JOBS,
     &DATASETS,
     &DATASET_CHUNKS,
@@ -447,27 +452,6 @@ pub(in crate::store) const TABLES: [&Sealed; 39] = [
     &MODELS,
     &TOKENS,
     &SHARED_PARTS,
-    &JOB_STATES,
-    &JOB_LABELS,
-    &JOB_DATASETS,
-    &DATASET_SIZES,
-    &MODEL_SOURCES,
-    &COMPARISONS,
-    &COMPARISON_JOBS,
-    &KEYS,
-    &SIGNAL_LISTS,
-    &STREAM_BATCHES,
-    &STREAMS,
-    &MONITOR_STATES,
-    &MONITOR_WINDOW_JOBS,
-    &MAPPINGS,
-    &UNMAPPED_SERIES,
-    &TOKEN_STATES,
-    &SESSIONS,
-    &PROJECT_DAYS,
-    &WEBHOOKS,
-    &DELIVERIES,
-    &NODES,
 ];
 
 /// The tables that are sealed at the end of each transaction.

@@ -6,7 +6,7 @@ use crate::job::WebhookId;
 use crate::store::backup as file;
 use crate::store::database::QueryBuilder;
 use crate::store::sealed::check::{Checked, look, seal_all};
-use crate::store::sealed::{Column, Sealed, TABLES};
+use crate::store::sealed::{Column, Sealed, sealed_tables};
 
 on_both! {
     a_changed_recording_is_found_when_it_is_read,
@@ -356,7 +356,7 @@ async fn changes_of_any_column_are_found_by_check(fixture: Fixture) {
     let sound = looked(&fixture).await;
     assert_eq!((sound.findings.len(), sound.unsealed), (0, 0));
     let kind = fixture.store.readers().kind();
-    for table in TABLES {
+    for table in sealed_tables() {
         for column in table.content {
             let mut count = QueryBuilder::new("select count(*) from ");
             count.push(table.table);
@@ -388,7 +388,7 @@ async fn damaged(fixture: &Fixture) -> i64 {
 
 /// Takes all rows as they are for what was written.
 async fn seal_again(fixture: &Fixture) {
-    for table in TABLES {
+    for table in sealed_tables() {
         let mut update = QueryBuilder::new("update ");
         update.push(format_args!("{} set {} = null", table.table, table.seal));
         let pool = &fixture.store.database().writer_pool;
