@@ -19,6 +19,8 @@ LONGEST_TAKEOVER_S = 8
 OUT_S = 12
 # A recording of two signals, 8 bytes a sample.
 LARGE_SAMPLES = 4_000_000
+# Clients that submit jobs beside it.
+LARGE_CLIENTS = 64
 # An event comes to another node within this time, where the node hears.
 PROMPT_S = 0.5
 
@@ -227,7 +229,7 @@ def large(options):
     return p99[True] <= 1.5 * p99[False]
 
 
-def submissions(plant, recording, clients=4, seconds=8):
+def submissions(plant, recording, seconds=8):
     """How long submissions take, while a recording is stored where there is one. Another process sends it: a thread
     of this one would hold up those that measure."""
     took, over = [], threading.Event()
@@ -241,7 +243,7 @@ def submissions(plant, recording, clients=4, seconds=8):
             assert status == 202, status
             client.ask("POST", f"/v1/jobs/{body['id']}/cancel")
 
-    threads = [threading.Thread(target=submit, args=(number,)) for number in range(clients)]
+    threads = [threading.Thread(target=submit, args=(number,)) for number in range(LARGE_CLIENTS)]
     for thread in threads:
         thread.start()
     if recording is None:

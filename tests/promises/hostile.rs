@@ -8,6 +8,8 @@ use parquet::data_type::{ByteArray, ByteArrayType, DoubleType};
 use parquet::file::properties::{WriterProperties, WriterPropertiesBuilder};
 use parquet::file::writer::SerializedFileWriter;
 use parquet::schema::parser::parse_message_type;
+use rand::{RngExt, SeedableRng};
+use rand_chacha::ChaCha8Rng;
 use zip::write::SimpleFileOptions;
 use zip::{CompressionMethod, ZipArchive, ZipWriter};
 
@@ -17,11 +19,13 @@ pub enum Outcome {
     Stored,
     /// A fault of this code is told.
     Refused(&'static str),
+    /// Stored or refused.
+    Answered,
 }
 
-use Outcome::{Refused, Stored};
+use Outcome::{Answered, Refused, Stored};
 
-/// A body, and what is known of it.
+/// A body, and what is expected of it.
 pub struct Body {
     pub name: &'static str,
     pub media_type: &'static str,
@@ -53,9 +57,29 @@ impl Body {
             ..self
         }
     }
+
+    /// The same body with its end cut off or some bytes changed, which may be stored or refused.
+    fn damaged(mut self, random: &mut ChaCha8Rng) -> Self {
+        let place = random.random_range(0..self.bytes.len());
+        if random.random() {
+            self.bytes.truncate(place);
+        } else {
+            let changed = self.bytes[place..].iter_mut();
+            for byte in changed.take(random.random_range(1..9)) {
+                *byte = random.random();
+            }
+        }
+        if !self.is_gzip {
+            self.size = self.bytes.len() as u64;
+        }
+        Self {
+            outcome: Answered,
+            ..self
+        }
+    }
 }
 
-/// About the size of bodies whose size is free `[bytes]`.
+/// About the size of whole bodies whose size is free `[bytes]`.
 const SIZE: usize = 24 << 20;
 
 const CSV: &str = "text/csv";
@@ -63,10 +87,37 @@ const JSON: &str = "application/json";
 const TEXT: &str = "text/plain";
 const BINARY: &str = "application/octet-stream";
 
-/// All of them.
-pub fn bodies() -> Vec<Body> {
-    let all = [workbooks(), tables(), tags(), documents(), columns()];
+/// A body of each kind, whole.
+pub fn whole_bodies() -> Vec<Body> {
+    bodies(SIZE)
+}
+
+/// Damaged bodies of all kinds in turn without an end, of sizes up to those of whole bodies.
+pub fn damaged_bodies() -> impl Iterator<Item = Body> {
+    let mut random = ChaCha8Rng::seed_from_u64(1);
+    let round = move || {
+        let bodies = bodies(random.random_range(SIZE / 64..SIZE));
+        let damaged = bodies.into_iter().map(|body| body.damaged(&mut random));
+        damaged.collect::<Vec<_>>()
+    };
+    std::iter::repeat_with(round).flatten()
+}
+
+/// A body of each kind, of about this size where its size is free `[bytes]`.
+fn bodies(size: usize) -> Vec<Body> {
+    let all = [
+        workbooks(size),
+        tables(size),
+        tags(size),
+        documents(size),
+        columns(size),
+    ];
     all.into_iter().flatten().collect()
+}
+
+/// How many there are of what a whole body has so many of, in a body of this size.
+fn share(size: usize, count: usize) -> usize {
+    (size * count).div_ceil(SIZE)
 }
 
 const RELATIONSHIPS: &str = "http://schemas.openxmlformats.org/officeDocument/2006/relationships";
@@ -101,28 +152,33 @@ fn workbook(sheet: &[&str], other: Option<(&str, &[&str])>, parts: usize) -> Vec
 const SHEET: &str = "<worksheet><sheetData><row><c t='inlineStr'><is><t>time</t></is></c>\
                      <c t='inlineStr'><is><t>a</t></is></c></row></sheetData></worksheet>";
 
-fn workbooks() -> Vec<Body> {
+fn workbooks(size: usize) -> Vec<Body> {
     let piece = "a".repeat(1 << 20);
-    let text = vec![piece.as_str(); 150];
+    let text = vec![piece.as_str(); share(size, 150)];
     let begin = "<worksheet><sheetData><row><c t='inlineStr'><is><t>";
     let end = "</t></is></c></row></sheetData></worksheet>";
     let cell = [&[begin][..], &text, &[end]].concat();
     let comment = [&["<worksheet><!--"][..], &text, &["--></worksheet>"]].concat();
     let strings = "<si><t></t></si>".repeat(10_000);
-    let strings = [&["<sst>"][..], &vec![strings.as_str(); 500], &["</sst>"]].concat();
+    let strings = [
+        &["<sst>"][..],
+        &vec![strings.as_str(); share(size, 500)],
+        &["</sst>"],
+    ]
+    .concat();
     let font = format!(
         "<styleSheet><fonts><font><name val='{}'/></font></fonts><cellXfs>",
         "a".repeat(30_000)
     );
-    let formats = "<xf fontId='0'></xf>".repeat(20_000);
+    let formats = "<xf fontId='0'></xf>".repeat(share(size, 20_000));
     let styles = [font.as_str(), &formats, "</cellXfs></styleSheet>"];
     let claim = ["<sst uniqueCount='40000000000'></sst>"];
     let table = "xl/sharedStrings.xml";
     vec![
-        Body::new("a cell of 150 MiB", BINARY, workbook(&cell, None, 0)).refused("too_large"),
-        Body::new("a comment of 150 MiB", BINARY, workbook(&comment, None, 0)).refused("too_large"),
+        Body::new("a long cell", BINARY, workbook(&cell, None, 0)).refused("too_large"),
+        Body::new("a long comment", BINARY, workbook(&comment, None, 0)).refused("too_large"),
         Body::new(
-            "five million shared strings",
+            "many shared strings",
             BINARY,
             workbook(&[SHEET], Some((table, &strings)), 0),
         )
@@ -134,41 +190,46 @@ fn workbooks() -> Vec<Body> {
         )
         .refused("too_much_memory"),
         Body::new(
-            "20 000 styles of a long font",
+            "many styles of a long font",
             BINARY,
             workbook(&[SHEET], Some(("xl/styles.xml", &styles)), 0),
         )
         .refused("too_much_memory"),
         Body::new(
-            "a workbook of 200 000 parts",
+            "a workbook of many parts",
             BINARY,
-            workbook(&[SHEET], None, 200_000),
+            workbook(&[SHEET], None, share(size, 200_000)),
         )
         .refused("too_large"),
     ]
 }
 
-/// A text of a head and of as many repeated pieces as make [`SIZE`], and an end.
-fn repeated(head: &str, piece: &str, end: &str) -> String {
-    [head, &piece.repeat(SIZE / piece.len()), end].concat()
+/// A text of a head, of as many repeated pieces as make this size, and of an end.
+fn repeated(size: usize, head: &str, piece: &str, end: &str) -> String {
+    [head, &piece.repeat(size / piece.len()), end].concat()
 }
 
-fn tables() -> Vec<Body> {
-    let long_rows: String = (0..SIZE / 16)
+fn tables(size: usize) -> Vec<Body> {
+    let long_rows: String = (0..size / 16)
         .map(|row| format!("{row},{}\n", row % 7))
         .collect();
     vec![
-        Body::new("a header of commas", CSV, repeated("time,a", ",", "\n")).refused("row_too_long"),
         Body::new(
-            "fields of a line end",
+            "a header of commas",
             CSV,
-            repeated("time,a\n0", ",\"\n\"", "\n"),
+            repeated(size, "time,a", ",", "\n"),
         )
         .refused("row_too_long"),
         Body::new(
-            "a field of 24 MiB",
+            "fields of a line end",
             CSV,
-            repeated("time,a\n0,\"", "a", "\"\n1,2\n"),
+            repeated(size, "time,a\n0", ",\"\n\"", "\n"),
+        )
+        .refused("row_too_long"),
+        Body::new(
+            "a long field",
+            CSV,
+            repeated(size, "time,a\n0,\"", "a", "\"\n1,2\n"),
         )
         .refused("row_too_long"),
         Body::new(
@@ -202,7 +263,7 @@ fn gzipped(name: &'static str, text: String) -> Body {
     }
 }
 
-fn tags() -> Vec<Body> {
+fn tags(size: usize) -> Vec<Body> {
     let names: String = (0..900).map(|k| format!(",s{k}")).collect();
     let influx = format!(
         "#datatype,dateTime:RFC3339{}\n,_time{names}\n",
@@ -214,12 +275,14 @@ fn tags() -> Vec<Body> {
     for tag in 0..900 {
         sparse += &format!("0,s{tag},1\n{},s{tag},2\n", 1000 + tag);
     }
-    let dense: String = (0..100_000).map(|k| format!("{k}.5,dense,1\n")).collect();
+    let dense: String = (0..share(size, 100_000))
+        .map(|k| format!("{k}.5,dense,1\n"))
+        .collect();
     let classes = ["0", "192", "64", "216"];
-    let changing: String = (0..SIZE / 16)
+    let changing: String = (0..size / 16)
         .map(|k| format!("{k},a,1,{}\n", classes[k % 4]))
         .collect();
-    let backwards: String = (0..SIZE / 12)
+    let backwards: String = (0..size / 12)
         .rev()
         .map(|k| format!("{},a,1\n", k * 7 % 2_000_003))
         .collect();
@@ -235,10 +298,10 @@ fn tags() -> Vec<Body> {
         Body::new(
             "rows of commas of 900 tags",
             CSV,
-            repeated(&influx, &row, ""),
+            repeated(size, &influx, &row, ""),
         )
         .refused("too_many_samples"),
-        Body::new("lines of 1000 fields", TEXT, repeated("", &line, ""))
+        Body::new("lines of 1000 fields", TEXT, repeated(size, "", &line, ""))
             .refused("too_many_samples"),
         Body {
             query: "?time_unit=s",
@@ -266,14 +329,15 @@ fn tags() -> Vec<Body> {
     ]
 }
 
-fn documents() -> Vec<Body> {
-    let key = "k".repeat(SIZE);
+fn documents(size: usize) -> Vec<Body> {
+    let key = "k".repeat(size);
     vec![
-        Body::new("lists in lists", JSON, "[".repeat(SIZE)).refused("not_json"),
+        Body::new("lists in lists", JSON, "[".repeat(size)).refused("not_json"),
         Body::new(
             "a list beside the rows",
             JSON,
             repeated(
+                size,
                 "{\"columns\":[\"t\",\"a\"],\"index\":[1",
                 ",1",
                 "],\"data\":[[1,2],[3,4]]}",
@@ -284,6 +348,7 @@ fn documents() -> Vec<Body> {
             "texts beside the rows",
             JSON,
             repeated(
+                size,
                 "{\"columns\":[\"t\",\"a\"],\"index\":[1",
                 ",\"\"",
                 "],\"data\":[[1,2]]}",
@@ -293,23 +358,19 @@ fn documents() -> Vec<Body> {
         Body::new(
             "fields of one object",
             JSON,
-            repeated("[{\"t\":0", ",\"\":1", "}]"),
+            repeated(size, "[{\"t\":0", ",\"\":1", "}]"),
         )
         .refused("too_much_memory"),
+        Body::new("a long key", JSON, format!("[{{\"t\":0,\"{key}\":1}}]"))
+            .refused("name_too_long"),
         Body::new(
-            "a key of 24 MiB",
-            JSON,
-            format!("[{{\"t\":0,\"{key}\":1}}]"),
-        )
-        .refused("name_too_long"),
-        Body::new(
-            "a name of 24 MiB",
+            "a long name",
             JSON,
             format!("{{\"sample_time_s\":1,\"signals\":{{\"{key}\":{{\"values\":[1,2]}}}}}}"),
         )
         .refused("name_too_long"),
         Body::new(
-            "a value of 24 MiB",
+            "a long value",
             JSON,
             format!("[{{\"t\":0,\"a\":1}},{{\"t\":1,\"a\":\"{key}\"}}]"),
         )
@@ -318,6 +379,7 @@ fn documents() -> Vec<Body> {
             "a signal of short values",
             JSON,
             repeated(
+                size,
                 "{\"sample_time_s\":1,\"signals\":{\"a\":{\"values\":[1",
                 ",1",
                 "]}}}",
@@ -327,8 +389,8 @@ fn documents() -> Vec<Body> {
             "instants at one time",
             JSON,
             [
-                &*repeated("{\"time\":{\"values\":[0", ",1", "]},"),
-                &*repeated("\"signals\":{\"a\":{\"values\":[1", ",1", "]}}}"),
+                &*repeated(size, "{\"time\":{\"values\":[0", ",1", "]},"),
+                &*repeated(size, "\"signals\":{\"a\":{\"values\":[1", ",1", "]}}}"),
             ]
             .concat(),
         ),
@@ -336,7 +398,7 @@ fn documents() -> Vec<Body> {
 }
 
 /// Files of Parquet.
-fn columns() -> Vec<Body> {
+fn columns(size: usize) -> Vec<Body> {
     let words = |value: usize, rows: usize| {
         let value = ByteArray::from("a".repeat(value).into_bytes());
         vec![value; rows]
@@ -352,19 +414,19 @@ fn columns() -> Vec<Body> {
         Body::new(
             "a dictionary of one long word",
             BINARY,
-            parquet_file(&words(1 << 19, 10_000), zstd()),
+            parquet_file(&words(1 << 19, share(size, 10_000)), zstd()),
         )
         .refused("no_signals"),
         Body::new(
             "long words that begin alike",
             BINARY,
-            parquet_file(&words(1 << 17, 4000), delta),
+            parquet_file(&words(1 << 17, share(size, 4000)), delta),
         )
         .refused("no_signals"),
         Body::new(
-            "a page of five million empty words",
+            "a page of many empty words",
             BINARY,
-            parquet_file(&words(0, 5_000_000), plain),
+            parquet_file(&words(0, share(size, 5_000_000)), plain),
         ),
     ]
 }
