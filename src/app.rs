@@ -3,6 +3,7 @@
 mod addresses;
 mod connections;
 pub mod doctor;
+mod memory;
 mod system;
 mod tls;
 
@@ -31,6 +32,8 @@ use crate::worker::method::Methods;
 use crate::worker::run::Method;
 use addresses::Addresses;
 use greybox::model::Catalogue;
+use memory::limits_within_memory;
+pub use memory::{TooLittleMemory, spare_address_space};
 use system::ConnectionLimits;
 pub use system::TooFewFiles;
 use tls::Tls;
@@ -72,6 +75,9 @@ pub enum StartError {
     /// The system allows the process fewer files than a server needs.
     #[error(transparent)]
     TooFewFiles(#[from] TooFewFiles),
+    /// The system allows the process less memory than a server needs.
+    #[error(transparent)]
+    TooLittleMemory(#[from] TooLittleMemory),
     /// The address cannot be listened on.
     #[error("cannot listen on {address}: {source}")]
     Listen {
@@ -117,6 +123,7 @@ impl App {
         let proxies = access.proxies.clone();
         let destinations = Arc::new(settings.destinations()?);
         let connections = ConnectionLimits::of_the_system(settings.connections_per_address)?;
+        let limits = limits_within_memory(&settings)?;
         system::outlive_the_largest_file();
         share_threads(settings.threads());
         let hub = EventHub::new();
@@ -132,7 +139,7 @@ impl App {
             store: store.clone(),
             hub: hub.clone(),
             catalogue: Catalogue::built_in(),
-            limits: settings.limits(),
+            limits,
             access,
             provider,
             destinations: Arc::clone(&destinations),
@@ -223,27 +230,24 @@ impl App {
                 server.abort();
             }
         }
-        let ended = tokio::time::timeout(LAST_WORDS, async {
+        let ends = async {
             while let Some(ended) = tasks.join_next().await {
                 let note = |error| tracing::error!(%error, "a task beside the server ended badly");
                 ended.unwrap_or_else(note);
             }
-        });
-        if ended.await.is_err() {
-            tracing::warn!("a task beside the server was cut off");
-        }
-        if tokio::time::timeout(LAST_WORDS, watcher.ended())
-            .await
-            .is_err()
-        {
-            tracing::warn!("a step of a monitor did not end in time; it is taken again");
-        }
-        if tokio::time::timeout(LAST_WORDS, store.close())
-            .await
-            .is_err()
-        {
-            tracing::warn!("the database was not closed in time; what it acknowledged is on disk");
-        }
+        };
+        wait_a_while(ends, "a task beside the server was cut off").await;
+        let step = "a step of a monitor did not end in time; it is taken again";
+        wait_a_while(watcher.ended(), step).await;
+        let file = "the database was not closed in time; what it acknowledged is on disk";
+        wait_a_while(store.close(), file).await;
+    }
+}
+
+/// Waits for the end of a part of the server, and warns where that takes too long.
+async fn wait_a_while<T>(end: impl Future<Output = T>, too_long: &str) {
+    if tokio::time::timeout(LAST_WORDS, end).await.is_err() {
+        tracing::warn!("{too_long}");
     }
 }
 

@@ -121,6 +121,7 @@ const PLACES: &[(&str, &[&str])] = &[
     ("getrandom", &["src/access", "src/delivery", "src/encrypted_file"]),
     // Connections are files.
     ("rlimit", &["src/app"]),
+    ("libc", &["src/app/memory.rs"]),
     ("rustix", &["src/priority.rs", "src/app/system.rs"]),
     ("tower", &["src/api", "src/dashboard", "src/app"]),
     ("tower_http", &["src/api", "src/dashboard", "src/app"]),

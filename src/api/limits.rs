@@ -2,6 +2,8 @@
 
 use std::time::Duration;
 
+use greybox::intake::{MEMORY_ALWAYS, MEMORY_PER_BYTE};
+
 /// What the service lets one client ask for.
 #[derive(Clone, Debug)]
 pub struct Limits {
@@ -50,5 +52,42 @@ impl Default for Limits {
             requests_per_second: 200.0,
             requests_at_once: 1000,
         }
+    }
+}
+
+impl Limits {
+    /// The same limits for a process that may have so many bytes of memory. Half of them are for recordings that come
+    /// in, each with the most that reading takes: where one of the largest size has no room, smaller ones are taken.
+    #[must_use]
+    pub fn within_memory(self, bytes: u64) -> Self {
+        let for_recordings = bytes / 2;
+        let of_largest = for_recordings.saturating_sub(MEMORY_ALWAYS) / MEMORY_PER_BYTE;
+        let dataset_bytes = self.dataset_bytes.min(of_largest);
+        let at_once = for_recordings / (MEMORY_ALWAYS + MEMORY_PER_BYTE * dataset_bytes);
+        let at_once = usize::try_from(at_once).unwrap_or(usize::MAX);
+        Self {
+            dataset_bytes,
+            recordings_at_once: self.recordings_at_once.min(at_once.max(1)),
+            ..self
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn recordings_that_come_in_keep_within_half_of_the_memory() {
+        let within = |mib: u64| {
+            let limits = Limits::default().within_memory(mib << 20);
+            (limits.recordings_at_once, limits.dataset_bytes >> 20)
+        };
+        // One of 64 MiB takes four times as much and 64 MiB beside.
+        assert_eq!(within(24 << 10), (4, 64));
+        assert_eq!(within(2048), (3, 64));
+        assert_eq!(within(1000), (1, 64));
+        assert_eq!(within(512), (1, 48));
+        assert_eq!(within(256), (1, 16));
     }
 }

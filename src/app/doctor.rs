@@ -9,6 +9,7 @@ use std::path::Path;
 use jiff::Timestamp;
 use serde::Serialize;
 
+use super::memory::memory_limit;
 use super::system::{self, ConnectionLimits};
 use super::tls::Tls;
 use crate::access::Secret;
@@ -18,7 +19,7 @@ use crate::store::{DatabaseFacts, DatabasePlace, schema_version};
 
 /// Connections at once below which a server soon has too few.
 const FEW_CONNECTIONS: usize = 500;
-/// The memory of a process below which an ordinary recording may be refused `[MiB]`.
+/// The memory of a process below which recordings take turns that otherwise come in together `[MiB]`.
 const LITTLE_MEMORY_MIB: u64 = 2048;
 /// The space on the disk below which a server soon has none `[MiB]`.
 const LITTLE_SPACE_MIB: u64 = 2048;
@@ -114,10 +115,17 @@ fn system(settings: &Settings, findings: &mut Findings) {
             }
         }
     }
-    match system::memory_limit() {
-        None => findings.good("memory", "the process may have all of the machine's"),
-        Some(bytes) => {
-            let says = format!("the process may have {} MiB", bytes >> 20);
+    match memory_limit() {
+        Err(error) => findings.bad("memory", error),
+        Ok(None) => findings.good("memory", "the process may have all of the machine's"),
+        Ok(Some(bytes)) => {
+            let limits = settings.limits().within_memory(bytes);
+            let says = format!(
+                "the process may have {} MiB: recordings of up to {} MiB, {} of them at once",
+                bytes >> 20,
+                limits.dataset_bytes >> 20,
+                limits.recordings_at_once
+            );
             match bytes >> 20 < LITTLE_MEMORY_MIB {
                 true => findings.doubtful("memory", says),
                 false => findings.good("memory", says),

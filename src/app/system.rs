@@ -73,24 +73,13 @@ pub(super) fn outlive_the_largest_file() {
 #[cfg(not(unix))]
 pub(super) fn outlive_the_largest_file() {}
 
-/// The bytes of memory that the process may have at the most, by the limit of its address space or of its control
-/// group; nothing where there is no limit.
-pub(super) fn memory_limit() -> Option<u64> {
-    let control_group = std::fs::read_to_string("/sys/fs/cgroup/memory.max").ok();
-    let control_group = control_group.and_then(|text| text.trim().parse().ok());
-    limit_of(rlimit::Resource::AS)
-        .into_iter()
-        .chain(control_group)
-        .min()
-}
-
 /// The bytes of a file at the most; nothing where there is no limit.
 pub(super) fn largest_file() -> Option<u64> {
     limit_of(rlimit::Resource::FSIZE)
 }
 
 /// A limit of the process.
-fn limit_of(resource: rlimit::Resource) -> Option<u64> {
+pub(super) fn limit_of(resource: rlimit::Resource) -> Option<u64> {
     let (soft, _hard) = resource.get().ok()?;
     (soft != rlimit::INFINITY).then_some(soft)
 }

@@ -2,7 +2,7 @@
 
 use super::error::CommandError;
 use super::telemetry::Telemetry;
-use crate::app::{App, StartError};
+use crate::app::{self, App, StartError};
 use crate::config::Settings;
 use std::future::Future;
 use std::io::ErrorKind;
@@ -10,6 +10,7 @@ use std::net::SocketAddr;
 
 /// Serves until the process is asked to end.
 pub fn serve(settings: Settings) -> Result<(), CommandError> {
+    app::spare_address_space();
     let telemetry = Telemetry::begin(&settings)?;
     let served = block_on(async {
         let app = start(settings).await?;

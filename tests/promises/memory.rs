@@ -6,10 +6,14 @@
 
 #![cfg(target_os = "linux")]
 
+use std::sync::Arc;
+
 use greybox::intake::{MEMORY_ALWAYS, MEMORY_PER_BYTE};
 use reqwest::StatusCode;
+use tokio::task::JoinSet;
 
 use super::hostile::{Body, Outcome, damaged_bodies, whole_bodies};
+use super::plant;
 use super::server::{Options, Server, answer};
 
 /// Damaged bodies beside the whole ones, where `GREYBOX_TESTS_BODIES` does not say how many.
@@ -87,4 +91,38 @@ async fn no_body_takes_more_than_four_times_its_size_and_64_mib_of_memory() {
         }
     }
     assert!(broken.is_empty(), "{}", broken.join("\n"));
+}
+
+/// The address space of a server with little memory `[bytes]`.
+const LITTLE_MEMORY: u64 = 700 << 20;
+
+#[tokio::test(flavor = "multi_thread")]
+async fn a_server_with_little_memory_answers_recordings_that_come_together() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let options = Options::new(2, 1.0);
+    let Some(server) = Server::start_with_memory(folder.path(), options, LITTLE_MEMORY) else {
+        eprintln!("skipped: there is no prlimit here");
+        return;
+    };
+    let row = |row: u32| format!("{row},{},{}\n", row % 7, row % 11);
+    let rows: Arc<str> = (0..2_000_000).map(row).collect::<String>().into();
+    let mut uploads = JoinSet::new();
+    for number in 0..8 {
+        let request = server
+            .post("/v1/datasets")
+            .header("content-type", "text/csv")
+            .body(format!("time [s],force [N],x{number} [m]\n{rows}"));
+        uploads.spawn(async { answer(request).await.expect("an answer").0 });
+    }
+    let statuses = uploads.join_all().await;
+    let expected = [StatusCode::CREATED, StatusCode::TOO_MANY_REQUESTS];
+    assert!(
+        statuses.iter().all(|status| expected.contains(status)),
+        "{statuses:?}"
+    );
+    assert!(statuses.contains(&StatusCode::CREATED), "{statuses:?}");
+    let dataset = server.store(&plant::recording(150)).await;
+    let job = server.submit(&plant::job(&dataset, 5, 1), "a job").await;
+    let ended = server.ended(&job.expect("an answer")).await;
+    assert_eq!(ended["status"], "succeeded", "{ended}");
 }

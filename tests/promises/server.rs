@@ -87,6 +87,20 @@ impl Server {
         Self::start_by(program, folder, options)
     }
 
+    /// Starts the program with so many bytes of address space; nothing where the system has no `prlimit`.
+    #[cfg(target_os = "linux")]
+    pub fn start_with_memory(folder: &Path, options: Options, bytes: u64) -> Option<Self> {
+        let version = Command::new("prlimit").arg("--version").output();
+        version
+            .is_ok_and(|version| version.status.success())
+            .then(|| {
+                let mut program = Command::new("prlimit");
+                program.arg(format!("--as={bytes}"));
+                program.arg(env!("CARGO_BIN_EXE_greybox"));
+                Self::start_by(program, folder, options)
+            })
+    }
+
     /// Sets how large files may grow, as a full disk does; says whether that could be done.
     #[cfg(target_os = "linux")]
     pub fn limit_files(&self, bytes: &str) -> bool {
