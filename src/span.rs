@@ -37,7 +37,8 @@ pub fn request(
         otel.status_code = Empty,
     );
     if !span.is_disabled() {
-        let parent = global::get_text_map_propagator(|known| known.extract(&Headers(headers)));
+        let parent =
+            global::get_text_map_propagator(|propagator| propagator.extract(&Headers(headers)));
         // A span that no exporter sees has no parent either.
         let _ = span.set_parent(parent);
     }

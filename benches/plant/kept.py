@@ -10,6 +10,7 @@ import tempfile
 import threading
 import time
 
+from regular import small_job
 from server import Client, Server, job, percentile
 
 
@@ -185,6 +186,7 @@ def cost(options):
 # The guide's table of what fills the disk (src/dashboard/docs/running.md), in bytes of the file's pages: a job of 20
 # generations of 8 candidates, of it each candidate, and an entry of the audit log.
 JOB_BYTES, JOB_CANDIDATES, CANDIDATE_BYTES, AUDIT_ENTRY_BYTES = 67_600, 160, 61, 160
+JOB_GENERATIONS = 20
 # The file may be so many times as large as the table foretells.
 MOST_OF_FORETOLD = 1.5
 
@@ -202,15 +204,20 @@ def foretold_bytes(path):
     return bytes_of_jobs + samples + entries * AUDIT_ENTRY_BYTES, (jobs, recordings, entries)
 
 
+def unfinished_jobs(path):
+    with contextlib.closing(sqlite3.connect(path)) as opened:
+        return opened.execute("select count(*) from jobs where finished_at is null").fetchone()[0]
+
+
 def memory(options):
     """Many requests and jobs in short time, and what the process has of memory and of disk."""
     requests, jobs = options.count or 100_000, (options.count or 100_000) // 100
     with tempfile.TemporaryDirectory() as folder:
-        server = Server(options, folder, "--keep-jobs", "200")
+        server = Server(options, folder)
         server.start()
         client = server.client()
         dataset, lock, left, seen = client.store(400), threading.Lock(), [requests, jobs], []
-        first = client.submit(job(dataset, 2))
+        first = client.submit(small_job(dataset, JOB_GENERATIONS))
         client.ended(first)
 
         def asks():
@@ -223,7 +230,7 @@ def memory(options):
                     if left[0] < 0:
                         return
                 if makes:
-                    own.submit(job(dataset, 2, left[1]))
+                    own.submit(small_job(dataset, JOB_GENERATIONS, left[1]))
                     own.store(50 + left[1] % 300)
                 else:
                     path = random.choice(["/v1/jobs?limit=20", f"/v1/jobs/{first}/result", "/v1/models", "/v1/nothing",
@@ -237,6 +244,8 @@ def memory(options):
             time.sleep(1)
             seen.append(server.memory_mib())
         took = time.monotonic() - began
+        while unfinished_jobs(server.path) and time.monotonic() - began < 2 * took:
+            time.sleep(1)
         has = sum(os.path.getsize(server.path + end) for end in ("", "-wal") if os.path.exists(server.path + end))
         foretold, (kept_jobs, recordings, entries) = foretold_bytes(server.path)
         server.terminate()

@@ -136,7 +136,7 @@ pub struct ReadingQuery {
     /// The worksheet of a workbook; the first that can be seen and has anything in it when absent.
     #[param(example = "Data")]
     pub sheet: Option<String>,
-    /// The line of a table's titles, from 1.
+    /// The line of a table's titles, from 1, or `none`: its columns are then called `column_1`, `column_2` and so on.
     #[param(example = "3")]
     pub header_row: Option<String>,
     /// The line of the units of a table's columns, from 1, or `none`.
@@ -150,7 +150,7 @@ pub struct ReadingQuery {
     /// each is a signal of its own, such as `pump.pressure`; all columns of numbers when absent.
     #[param(example = "Wert")]
     pub value: Option<String>,
-    /// The column of the quality of such a table.
+    /// The column of the quality of such a table, or `none`.
     pub quality: Option<String>,
 }
 

@@ -207,7 +207,7 @@ impl Problem {
         let mut errors: Vec<Fault> = faults.into_iter().collect();
         let detail = match errors.as_slice() {
             [] => "something is wrong".to_owned(),
-            [one] => one.to_string(),
+            [fault] => fault.to_string(),
             [first, rest @ ..] => format!("{first} (and {} more)", rest.len()),
         };
         errors.truncate(MAX_FAULTS);

@@ -185,8 +185,8 @@ fn created(row: MonitorRow, replayed: bool) -> Response {
     response.headers_mut().insert(header::LOCATION, location);
     if replayed {
         let name = HeaderName::from_static("idempotent-replayed");
-        let said = HeaderValue::from_static("true");
-        response.headers_mut().insert(name, said);
+        let value = HeaderValue::from_static("true");
+        response.headers_mut().insert(name, value);
     }
     response
 }

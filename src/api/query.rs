@@ -33,7 +33,7 @@ impl<T: FromQuery, S: Sync> FromRequestParts<S> for Params<T> {
         })?;
         let mut query = QueryReader {
             pairs,
-            known: Vec::new(),
+            parameters: Vec::new(),
             faults: Vec::new(),
         };
         let read = T::read(&mut query);
@@ -49,14 +49,14 @@ impl<T: FromQuery, S: Sync> FromRequestParts<S> for Params<T> {
 /// The pairs of a query and the faults found in them.
 pub struct QueryReader {
     pairs: Vec<(String, String)>,
-    known: Vec<&'static str>,
+    parameters: Vec<&'static str>,
     faults: Vec<Fault>,
 }
 
 impl QueryReader {
     /// The text of a parameter. One that is given twice is a fault.
     pub fn text(&mut self, name: &'static str) -> Option<String> {
-        self.known.push(name);
+        self.parameters.push(name);
         let mut values = self.pairs.iter().filter(|(key, _)| key == name);
         let value = values.next().map(|(_, value)| value.clone());
         if values.next().is_some() {
@@ -128,17 +128,17 @@ impl QueryReader {
     fn refuse_the_unknown(&mut self) {
         let unknown = self.pairs.iter().map(|(name, _)| name.as_str());
         let mut unknown: Vec<String> = unknown
-            .filter(|name| !self.known.contains(name))
+            .filter(|name| !self.parameters.contains(name))
             .map(cut)
             .collect();
         unknown.dedup();
         for name in unknown {
-            let known = if self.known.is_empty() {
+            let expected = if self.parameters.is_empty() {
                 "there are none".to_owned()
             } else {
-                format!("there are {}", self.known.join(", "))
+                format!("there are {}", self.parameters.join(", "))
             };
-            let detail = format!("`{name}` is not a parameter here; {known}");
+            let detail = format!("`{name}` is not a parameter here; {expected}");
             self.fault(&name, "unknown_parameter", detail);
         }
     }

@@ -218,9 +218,9 @@ fn answered(name: &str, outcome: BatchOutcome) -> Answer {
             let detail = "the key came before with another body; use a new key for something new";
             return Err(Problem::new(Kind::KeyReused, detail));
         }
-        BatchOutcome::UnitsDiffer(signal, known, came) => {
+        BatchOutcome::UnitsDiffer(signal, stored_unit, unit) => {
             let detail = format!(
-                "`{signal}` is in `{came}` here and in `{known}` in the stream; say its unit with \
+                "`{signal}` is in `{unit}` here and in `{stored_unit}` in the stream; say its unit with \
                  `units`"
             );
             return Err(invalid("units_differ", detail));

@@ -319,8 +319,8 @@ async fn read(state: &ApiState, project: &Project, asked: &Asked) -> Answer<JobS
 /// Says what speaks against the job once its recordings are looked at.
 async fn check(state: &ApiState, spec: &JobSpec, model: Arc<Model>) -> Answer<()> {
     let checked = SpecKey::of(spec);
-    let known = state.checked.get(checked);
-    let each = match known {
+    let checked_before = state.checked.get(checked);
+    let each = match checked_before {
         Some(each) => each,
         None => {
             let method = spec.method.clone();

@@ -9,6 +9,9 @@ use crate::config::Settings;
 /// The memory that a server needs at the least `[bytes]`: half of it takes a recording of 16 MiB.
 const LEAST_MEMORY: u64 = 256 << 20;
 
+/// Control groups of version 1 without a limit say a number that is larger `[bytes]`.
+const NO_LIMIT: u64 = 1 << 50;
+
 /// The system allows the process less memory than a server needs.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
 #[error(
@@ -54,20 +57,29 @@ fn address_space() -> Option<u64> {
     limit_of(rlimit::Resource::AS)
 }
 
-/// The least limit of the control groups (version 2) that the process is in.
+/// The least limit of the control groups that the process is in.
 fn control_group() -> Option<u64> {
     let groups = std::fs::read_to_string("/proc/self/cgroup").ok()?;
-    let path = groups.lines().find_map(|line| line.strip_prefix("0::/"))?;
-    let root = Path::new("/sys/fs/cgroup");
-    let group = root.join(path);
+    let limits = groups.lines().filter_map(limit_of_group);
+    limits.min().filter(|limit| *limit < NO_LIMIT)
+}
+
+/// The least limit of a control group and of those around it, by its line `number:controllers:path`.
+fn limit_of_group(line: &str) -> Option<u64> {
+    let (_number, group) = line.split_once(':')?;
+    let (controllers, path) = group.split_once(':')?;
+    let (root, file) = match controllers {
+        // Version 2 has one hierarchy for all controllers.
+        "" => (Path::new("/sys/fs/cgroup"), "memory.max"),
+        "memory" => (Path::new("/sys/fs/cgroup/memory"), "memory.limit_in_bytes"),
+        _ => return None,
+    };
+    let group = root.join(path.trim_start_matches('/'));
     let groups = group
         .ancestors()
         .take_while(|group| group.starts_with(root));
-    let limit_of = |group: &Path| {
-        let limit = std::fs::read_to_string(group.join("memory.max")).ok()?;
-        limit.trim().parse::<u64>().ok()
-    };
-    groups.filter_map(limit_of).min()
+    let limits = groups.filter_map(|group| std::fs::read_to_string(group.join(file)).ok());
+    limits.filter_map(|limit| limit.trim().parse().ok()).min()
 }
 
 /// Has the threads of a process whose address space is limited share few arenas of memory. The allocator of glibc

@@ -130,7 +130,7 @@ fn of_document(
 ) -> Result<Identification, CommandError> {
     let identification = Identification::of_job(job, recording);
     match model {
-        Some(said) => Ok(identification.model(&files::model(said)?)),
+        Some(name) => Ok(identification.model(&files::model(name)?)),
         None => Ok(identification),
     }
 }

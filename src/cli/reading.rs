@@ -65,7 +65,7 @@ pub struct Reading {
     #[arg(long)]
     sheet: Option<String>,
 
-    /// The line of a table's titles, from 1
+    /// The line of a table's titles, from 1, or `none`: columns are then called column_1, column_2 and so on
     #[arg(long, alias = "header_row")]
     header_row: Option<String>,
 
@@ -81,7 +81,7 @@ pub struct Reading {
     #[arg(long)]
     value: Option<String>,
 
-    /// The column of the quality, where a row names its signal
+    /// The column of the quality, where a row names its signal, or `none`
     #[arg(long)]
     quality: Option<String>,
 }

@@ -89,19 +89,19 @@ pub fn compare(methods: &[String], trials: &[Trial]) -> Comparison {
         .filter(|(_, cost)| cost.is_finite());
     let best = costs.min_by(|a, b| a.1.total_cmp(&b.1));
     let row = |method: &String| {
-        let own = || trials.iter().filter(|trial| trial.method == *method);
+        let of_method = || trials.iter().filter(|trial| trial.method == *method);
         let ratio = |trial: &Trial| Some(trial.cost? / best?.1);
         let is_found = |trial: &Trial| ratio(trial).is_some_and(|ratio| ratio <= SAME_COST);
-        let found = || own().filter(|trial| is_found(trial));
+        let near_best = || of_method().filter(|trial| is_found(trial));
         MethodRow {
             method: method.clone(),
-            runs: own().count() as u64,
-            found: found().count() as u64,
-            evaluations: Spread::of(own().map(|trial| trial.evaluations as f64)),
-            seconds: Spread::of(own().map(|trial| trial.seconds)),
-            cost_ratio: Spread::of(own().filter_map(ratio)),
+            runs: of_method().count() as u64,
+            found: near_best().count() as u64,
+            evaluations: Spread::of(of_method().map(|trial| trial.evaluations as f64)),
+            seconds: Spread::of(of_method().map(|trial| trial.seconds)),
+            cost_ratio: Spread::of(of_method().filter_map(ratio)),
             deviation_percent: Spread::of(
-                found().filter_map(|trial| Some(deviation(trial, best?.0))),
+                near_best().filter_map(|trial| Some(deviation(trial, best?.0))),
             ),
         }
     };
@@ -114,10 +114,10 @@ pub fn compare(methods: &[String], trials: &[Trial]) -> Comparison {
 /// The largest difference of an estimate, in per cent of that of the other run.
 fn deviation(trial: &Trial, best: &Trial) -> f64 {
     let pairs = trial.estimates.iter();
-    let pairs = pairs.filter_map(|(name, own)| Some((own, best.estimates.get(name)?)));
+    let pairs = pairs.filter_map(|(name, estimate)| Some((estimate, best.estimates.get(name)?)));
     pairs
-        .filter(|(_, others)| **others != 0.0)
-        .map(|(own, others)| 100.0 * (own / others - 1.0).abs())
+        .filter(|(_, of_best)| **of_best != 0.0)
+        .map(|(estimate, of_best)| 100.0 * (estimate / of_best - 1.0).abs())
         .fold(0.0, f64::max)
 }
 

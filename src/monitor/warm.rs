@@ -329,7 +329,8 @@ impl<'p> WindowEstimate<'p> {
     pub fn of(&self, name: &str) -> Option<(f64, f64)> {
         let (value, variance) = self.estimate.as_ref()?.of(name)?;
         let before = self.prior.and_then(|prior| prior.of(name));
-        let says_something = before.is_none_or(|(_, known)| LEAST_NEWS * variance < known);
+        let says_something =
+            before.is_none_or(|(_, variance_before)| LEAST_NEWS * variance < variance_before);
         (value.is_finite() && variance > 0.0 && says_something).then_some((value, variance))
     }
 }

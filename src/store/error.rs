@@ -111,7 +111,7 @@ pub enum StoreError {
     /// The database is of a newer program, and this one cannot work with it.
     #[error(
         "the database {database} has the schema {schema}, with which servers of the schema {oldest} or a newer \
-         one can work; this one is of {own}: use a newer greybox"
+         one can work; this one is of {program_schema}: use a newer greybox"
     )]
     TooNew {
         /// Where the database is.
@@ -121,7 +121,7 @@ pub enum StoreError {
         /// The oldest schema whose servers can work with the database.
         oldest: i64,
         /// The schema of this program.
-        own: i64,
+        program_schema: i64,
     },
     /// The database is of a program that is too old.
     #[error(
@@ -135,7 +135,7 @@ pub enum StoreError {
     },
     /// Servers that are too old work with the database that is to be brought up to date.
     #[error(
-        "the database {database} is to be brought from the schema {schema} to {own}, which the servers that work \
+        "the database {database} is to be brought from the schema {schema} to {program_schema}, which the servers that work \
          with it cannot work with: stop all of them first"
     )]
     InTheWay {
@@ -144,7 +144,7 @@ pub enum StoreError {
         /// The schema of the database.
         schema: i64,
         /// The schema of this program.
-        own: i64,
+        program_schema: i64,
     },
     /// A pooler stands before the database that gives a connection to one client after the other.
     #[error(

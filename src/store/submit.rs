@@ -91,7 +91,10 @@ impl WaitingSubmissions {
             return replies;
         }
         let waiting = std::mem::take(&mut *lock(&self.0));
-        waiting.into_iter().map(|one| one.reply).collect()
+        waiting
+            .into_iter()
+            .map(|submission| submission.reply)
+            .collect()
     }
 }
 
@@ -104,7 +107,8 @@ impl Turn {
     fn gather(mut self) -> (Vec<NewJob>, Vec<Reply>) {
         let waiting = self.0.take().map(|all| std::mem::take(&mut *lock(&all.0)));
         let all = waiting.unwrap_or_default().into_iter();
-        all.map(|one| (one.job, one.reply)).unzip()
+        all.map(|submission| (submission.job, submission.reply))
+            .unzip()
     }
 }
 
@@ -134,8 +138,8 @@ fn lock<T>(what: &Mutex<T>) -> MutexGuard<'_, T> {
 fn answer_each(replies: Vec<Reply>, outcome: Result<Vec<Submitted>, StoreError>) {
     match outcome {
         Ok(submitted) => {
-            for (reply, one) in replies.into_iter().zip(submitted) {
-                drop(reply.send(Ok(one)));
+            for (reply, job) in replies.into_iter().zip(submitted) {
+                drop(reply.send(Ok(job)));
             }
         }
         Err(error) => {

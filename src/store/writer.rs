@@ -150,14 +150,14 @@ impl Fence {
         }
         let failed = |error: sqlx::Error| WriteFailure::of_database(&error);
         tx.take_turn().await.map_err(failed)?;
-        let own = self.0.load(Ordering::Relaxed);
-        if own == 0 {
+        let life = self.0.load(Ordering::Relaxed);
+        if life == 0 {
             return Ok(());
         }
         let lives: bool = database::query_scalar(
             "select exists (select 1 from nodes where life = $1 and state = 'live')",
         )
-        .bind(own)
+        .bind(life)
         .fetch_one(tx)
         .await
         .map_err(failed)?;
@@ -324,13 +324,14 @@ async fn run(
         let committed = committed.unwrap_or_else(|_| Err(WriteFailure::no_answer()));
         let took = begun.elapsed().as_secs_f64();
         metrics::histogram!("greybox_commit_duration_seconds").record(took);
-        let failed_alone = done.iter().find_map(|one| one.failure.clone());
+        let failed_alone = done.iter().find_map(|write| write.failure.clone());
         match committed {
             Ok(changes) => {
                 let failure = failed_alone.filter(|failure| failure.is_of_the_disk());
                 *last.lock().unwrap_or_else(PoisonError::into_inner) = LastWrite::now(failure);
                 changes.into_iter().for_each(|change| on_change(change));
-                done.into_iter().for_each(|one| (one.acknowledge)(Ok(())));
+                done.into_iter()
+                    .for_each(|write| (write.acknowledge)(Ok(())));
             }
             Err(error) => {
                 // A write that finds no room takes the whole transaction with it; what is told of
@@ -342,7 +343,7 @@ async fn run(
                     LastWrite::now(Some(failure.clone()));
                 let told = || StoreError::Commit(failure.clone());
                 done.into_iter()
-                    .for_each(|one| (one.acknowledge)(Err(told())));
+                    .for_each(|write| (write.acknowledge)(Err(told())));
                 works.for_each(|work| work.refuse(told()));
                 if kind == Kind::Postgres {
                     // It may have been committed all the same, and the answer been lost.
@@ -370,9 +371,9 @@ async fn commit_group(
             return Err(failure);
         }
         let changes_before = tx.changes.len();
-        let one = work.run(&mut tx).await;
-        let has_failed = one.failure.is_some();
-        done.push(one);
+        let write = work.run(&mut tx).await;
+        let has_failed = write.failure.is_some();
+        done.push(write);
         if is_alone {
             if has_failed {
                 // The transaction is rolled back as it is dropped.

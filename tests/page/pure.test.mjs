@@ -601,8 +601,8 @@ test("a line becomes titles or units by the options for it", () => {
   assert.deepEqual(changesOfRow(layout, 1, "titles"), { header_row: "1" });
   assert.deepEqual(changesOfRow(layout, 5, "units"), { unit_row: "5" });
   assert.deepEqual(changesOfRow(layout, 4, "neither"), { unit_row: "none" });
-  // No option says that a file has no titles, and titles are not units.
-  assert.equal(changesOfRow(layout, 3, "neither"), null);
+  // A file may have no titles, and titles are not units.
+  assert.deepEqual(changesOfRow(layout, 3, "neither"), { header_row: "none" });
   assert.equal(changesOfRow(layout, 3, "units"), null);
   // What the server tells by itself stays unsaid.
   const altered = layoutOf(
@@ -640,6 +640,8 @@ test("columns of a table of samples are named by their titles", () => {
   const layout = layoutOf(LONG_ROWS);
   assert.deepEqual(changesOfRole(layout, 3, "left_out"), { value: "p" });
   assert.deepEqual(changesOfRole(layout, 3, "quality"), { quality: "T" });
+  const withQuality = { ...LONG_ROWS, columns: LONG_ROWS.columns.with(3, column("T", "quality")) };
+  assert.deepEqual(changesOfRole(layoutOf(withQuality), 3, "left_out"), { quality: "none" });
   assert.deepEqual(changesOfRole(layout, 2, "tag"), { tag: "p" });
   assert.equal(changesOfRole(layout, 1, "left_out"), null);
   const without = { ...LONG_ROWS, columns: [...LONG_ROWS.columns.slice(0, 3), column("T", "left_out")] };

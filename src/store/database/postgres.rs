@@ -300,7 +300,7 @@ pub(in crate::store) async fn migrate(
                     database: database.to_string(),
                     schema: present.version,
                     oldest: present.oldest,
-                    own: built,
+                    program_schema: built,
                 })
             };
         }
@@ -309,7 +309,7 @@ pub(in crate::store) async fn migrate(
             Some(alone.ok_or_else(|| StoreError::InTheWay {
                 database: database.to_string(),
                 schema: present.version,
-                own: built,
+                program_schema: built,
             })?)
         }
         Some(_) | None => None,

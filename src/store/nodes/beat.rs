@@ -95,12 +95,12 @@ impl Beats {
     /// counters stand still.
     fn look(&self, watch: &mut Watch, live: &[Beat]) -> Vec<Beat> {
         metrics::gauge!("greybox_nodes").set(u32::try_from(live.len()).unwrap_or(u32::MAX));
-        let own = live
+        let this_node = live
             .iter()
             .zip(0..)
             .find(|(node, _)| node.life == self.database.life);
         let of = u32::try_from(live.len()).unwrap_or(u32::MAX);
-        let place = own.filter(|_| of > 1).map(|(_, index)| (index, of));
+        let place = this_node.filter(|_| of > 1).map(|(_, index)| (index, of));
         *self.place.lock().unwrap_or_else(PoisonError::into_inner) = place;
         let is_oldest = live
             .first()

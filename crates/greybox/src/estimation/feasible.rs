@@ -134,7 +134,7 @@ pub fn inside(problem: &Problem) -> Option<Vec<f64>> {
     let n = problem.coordinates.len();
     let mut rng = stream(0, 0, Purpose::Constraints);
     let mut best: Option<(f64, Vec<f64>)> = None;
-    let mut found = 0;
+    let mut feasible = 0;
     for point in 0..POINTS {
         let positions = match point {
             0 => vec![0.5; n],
@@ -155,8 +155,8 @@ pub fn inside(problem: &Problem) -> Option<Vec<f64>> {
         if best.as_ref().is_none_or(|(most, _)| distance > *most) {
             best = Some((distance, positions));
         }
-        found += 1;
-        if found >= ENOUGH {
+        feasible += 1;
+        if feasible >= ENOUGH {
             break;
         }
     }

@@ -160,21 +160,21 @@ fn strength_unit(disturbance: &DisturbanceReport) -> String {
     }
 }
 
-fn number(found: Option<&NoiseNumberReport>) -> String {
-    let Some(found) = found else {
+fn number(estimate: Option<&NoiseNumberReport>) -> String {
+    let Some(number) = estimate else {
         return "–".to_owned();
     };
-    let estimate = significant(found.estimate, DIGITS);
-    match found.standard_error {
+    let estimate = significant(number.estimate, DIGITS);
+    match number.standard_error {
         Some(error) => format!("{estimate} ± {}", significant(error, DIGITS)),
         None => estimate,
     }
 }
 
-fn with_unit(found: Option<&NoiseNumberReport>, unit: &str) -> String {
-    match found {
-        Some(_) => format!("{} {}", number(found), escape(unit)),
-        None => number(found),
+fn with_unit(estimate: Option<&NoiseNumberReport>, unit: &str) -> String {
+    match estimate {
+        Some(_) => format!("{} {}", number(estimate), escape(unit)),
+        None => number(estimate),
     }
 }
 

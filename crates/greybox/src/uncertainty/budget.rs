@@ -410,7 +410,12 @@ impl Budget {
             lines: lines.map(line).collect(),
             covariance: joint.map(|joint| joint.posterior_covariance().clone()),
             noise_by_assumptions: joint
-                .filter(|_| extended.assumptions().iter().any(|own| own.off() != 0.0))
+                .filter(|_| {
+                    extended
+                        .assumptions()
+                        .iter()
+                        .any(|assumption| assumption.off() != 0.0)
+                })
                 .and_then(Joint::noise_by_assumptions),
             is_left_out: extended.is_cut,
             totals,

@@ -133,14 +133,14 @@ impl DisturbedEstimate {
 /// The numbers of a noise model as an analysis found them: those of disturbances, then those of sensors.
 struct NoiseNumbers<'a> {
     /// The values and errors of the coordinates behind those of the plant.
-    found: std::slice::Iter<'a, CoordinateUncertainty>,
+    coordinates: std::slice::Iter<'a, CoordinateUncertainty>,
     values: std::slice::Iter<'a, f64>,
 }
 
 impl<'a> NoiseNumbers<'a> {
     fn new(coordinates: &'a [CoordinateUncertainty], values: &'a [f64]) -> NoiseNumbers<'a> {
         NoiseNumbers {
-            found: coordinates.iter(),
+            coordinates: coordinates.iter(),
             values: values.iter(),
         }
     }
@@ -154,7 +154,10 @@ impl<'a> NoiseNumbers<'a> {
             };
         }
         let value = self.values.next().copied().unwrap_or(f64::NAN);
-        let error = self.found.next().and_then(|found| found.standard_error);
+        let error = self
+            .coordinates
+            .next()
+            .and_then(|coordinate| coordinate.standard_error);
         NoiseEstimate {
             value,
             relative_error: error.map(|error| error / value),

@@ -143,12 +143,13 @@ fn agreement(windows: &[Window]) -> Option<WindowAgreement> {
         let covariance = whitened.transpose() * &inverse * &whitened;
         let moved = whitened.transpose() * (&inverse * &score);
         for index in 0..n {
-            let (own, common) = (covariance[(index, index)], of_whole[(index, index)]);
-            let is_fixed = seen[(index, index)] > LEAST_SEEN * common;
-            if is_fixed && own > (1.0 + LEAST_EXCESS) * common {
+            let (variance, of_whole_record) =
+                (covariance[(index, index)], of_whole[(index, index)]);
+            let is_fixed = seen[(index, index)] > LEAST_SEEN * of_whole_record;
+            if is_fixed && variance > (1.0 + LEAST_EXCESS) * of_whole_record {
                 let square = moved[index].powi(2);
-                squares[index] += square / (own - common);
-                excesses[index] += square - (own - common);
+                squares[index] += square / (variance - of_whole_record);
+                excesses[index] += square - (variance - of_whole_record);
                 counts[index] += 1;
             }
         }

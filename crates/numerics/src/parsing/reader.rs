@@ -114,7 +114,7 @@ impl<'v> Field<'v> {
             Value::Object(map) => Some(Object {
                 pointer: self.pointer.clone(),
                 map,
-                known: Vec::new(),
+                names: Vec::new(),
                 faults: self.faults,
             }),
             _ => self.wrong_type("an object"),
@@ -240,14 +240,14 @@ pub struct Object<'v> {
     /// The JSON pointer of the object.
     pub pointer: String,
     map: &'v Map<String, Value>,
-    known: Vec<&'static str>,
+    names: Vec<&'static str>,
     faults: &'v Faults,
 }
 
 impl<'v> Object<'v> {
     /// The field `name`; absent and `null` are the same.
     pub fn optional(&mut self, name: &'static str) -> Option<Field<'v>> {
-        self.known.push(name);
+        self.names.push(name);
         let value = self.map.get(name).filter(|value| !value.is_null())?;
         Some(self.field(name, value))
     }
@@ -291,8 +291,8 @@ impl<'v> Object<'v> {
     /// Refuses every field that was not asked for.
     pub fn finish(self) {
         for (name, field) in self.entries() {
-            if !self.known.contains(&name) {
-                let hint = did_you_mean(name, self.known.iter().copied());
+            if !self.names.contains(&name) {
+                let hint = did_you_mean(name, self.names.iter().copied());
                 let detail = format!("`{}` is not a field here{hint}", short(name));
                 field.fault("unknown_field", detail);
             }

@@ -3,9 +3,10 @@
 /// The options about the layout of a table of text.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub(super) struct TableOptions {
-    /// The line of the titles, from 1.
-    pub(super) header_row: Option<u64>,
-    pub(super) unit_row: Option<UnitRow>,
+    /// Where the titles of the columns stand.
+    pub(super) header_row: Option<NamedRow>,
+    /// Where the units of the columns stand.
+    pub(super) unit_row: Option<NamedRow>,
     /// The column that names the signal of a row.
     pub(super) tag: Option<String>,
     /// The columns of values, where a row names its signal.
@@ -14,10 +15,10 @@ pub(super) struct TableOptions {
     pub(super) quality: Option<String>,
 }
 
-/// Where the units of the columns stand.
+/// Where what an option speaks of stands.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) enum UnitRow {
-    /// In no row of their own.
+pub(super) enum NamedRow {
+    /// In no row of its own.
     None,
     /// In this line, from 1.
     Line(u64),
@@ -30,18 +31,12 @@ impl TableOptions {
     }
 }
 
-/// A line by its number, from 1.
-pub(super) fn line(text: &str) -> Result<u64, String> {
-    let number = text.parse().ok().filter(|line| *line > 0);
-    number.ok_or_else(|| format!("`{text}` is no number of a line, which counts from 1"))
-}
-
 /// `none`, or a line by its number.
-pub(super) fn unit_row(text: &str) -> Result<UnitRow, String> {
-    match text {
-        "none" => Ok(UnitRow::None),
-        text => line(text)
-            .map(UnitRow::Line)
-            .map_err(|_| format!("`{text}` is neither `none` nor the number of a line, from 1")),
+pub(super) fn named_row(text: &str) -> Result<NamedRow, String> {
+    if text == "none" {
+        return Ok(NamedRow::None);
     }
+    let line = text.parse().ok().filter(|line| *line > 0);
+    line.map(NamedRow::Line)
+        .ok_or_else(|| format!("`{text}` is neither `none` nor the number of a line, from 1"))
 }

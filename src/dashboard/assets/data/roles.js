@@ -109,8 +109,9 @@ export function changesOfRow({ answer, values, rowGuess }, line, kind) {
       ...(values.unit_row === text ? { unit_row: "" } : {}),
     };
   }
-  if (answer.header_row === line && !isSaid) {
-    return null;
+  const isTold = rowGuess?.header_row === line;
+  if (answer.header_row === line && (!isSaid || isTold)) {
+    return kind === "units" ? null : { header_row: "none" };
   }
   const isGuess = (unitRow) =>
     rowGuess?.unit_row === unitRow && !isOpen(rowGuess, "unit_row") && (isSaid || !values.header_row);
@@ -159,7 +160,7 @@ function withdrawal({ answer, values }, { title, name, role }, next) {
     return isSaid ? { [role]: "" } : null;
   }
   if (role === "quality" && (isSaid || next === "left_out")) {
-    return isSaid ? { quality: "" } : null;
+    return { quality: isSaid ? "" : "none" };
   }
   if (role === "value" && (next === "left_out" || values.value)) {
     const rest = titlesOf(answer, "value").filter((value) => value !== title);

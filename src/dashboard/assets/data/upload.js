@@ -34,7 +34,7 @@ const OPTIONS = {
       ["ticks", ".NET ticks"],
     ],
   },
-  header_row: { title: "Line of the titles", hint: "told from the file" },
+  header_row: { title: "Line of the titles", hint: "a line, or none" },
   unit_row: { title: "Line of the units", hint: "a line, or none" },
   time: { title: "Column of the time", hint: "first column" },
   tag: { title: "Column that names the signal" },

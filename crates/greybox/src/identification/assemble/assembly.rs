@@ -42,14 +42,14 @@ pub fn problem(
         let cutter = Cutter {
             description,
             outputs: &outputs,
-            said: &spec.outputs,
+            output_specs: &spec.outputs,
             validation_fraction: spec.validation.fraction,
             pointer: &pointer,
             place: index,
         };
         match cutter.cut(experiment, recording.borrow()) {
             Ok(cut) => cuts.push(cut),
-            Err(found) => faults.extend(found),
+            Err(cut_faults) => faults.extend(cut_faults),
         }
     }
     if !faults.is_empty() {

@@ -19,7 +19,9 @@ pub(super) fn check(problem: &Problem) -> Result<(), Vec<Fault>> {
         return Ok(());
     }
     let texts = problem.constraints.iter();
-    let texts: Vec<String> = texts.map(|own| format!("`{}`", own.text())).collect();
+    let texts: Vec<String> = texts
+        .map(|constraint| format!("`{}`", constraint.text()))
+        .collect();
     let detail = format!(
         "no candidate within the search ranges was found that keeps {}",
         texts.join(" and ")

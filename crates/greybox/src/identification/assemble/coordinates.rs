@@ -22,9 +22,11 @@ pub(super) fn parameters(
             _ => {}
         }
     }
-    for (experiment, own) in spec.experiments.iter().enumerate() {
+    for (experiment, experiment_spec) in spec.experiments.iter().enumerate() {
         for (index, parameter) in description.parameters.iter().enumerate() {
-            if let Some(ParameterSpec::Free(free)) = own.parameters.get(&*parameter.name) {
+            if let Some(ParameterSpec::Free(free)) =
+                experiment_spec.parameters.get(&*parameter.name)
+            {
                 let target = Target::ExperimentParameter {
                     experiment,
                     parameter: index,

@@ -26,7 +26,7 @@ pub(super) struct Cutter<'a> {
     pub description: &'a ModelDescription,
     pub outputs: &'a [MeasuredOutput],
     /// What the job says of them.
-    pub said: &'a BTreeMap<String, OutputSpec>,
+    pub output_specs: &'a BTreeMap<String, OutputSpec>,
     pub validation_fraction: f64,
     pub pointer: &'a str,
     /// The place of the experiment in the job.
@@ -200,7 +200,7 @@ impl Cutter<'_> {
             false => Mapped::on_line(model, recorded),
         });
         let noise = spec.signals.keys().filter_map(|output| {
-            let recorded = self.said.get(output)?.noise_signal.as_ref()?;
+            let recorded = self.output_specs.get(output)?.noise_signal.as_ref()?;
             Some(Mapped::on_line(&name_of_noise(output), recorded))
         });
         mapped.chain(noise).collect()
@@ -220,7 +220,7 @@ impl Cutter<'_> {
         let fixed = spec
             .parameters
             .iter()
-            .filter_map(|(name, said)| match said {
+            .filter_map(|(name, parameter)| match parameter {
                 ParameterSpec::Fixed(fixed) => Some((name, fixed.value)),
                 ParameterSpec::Free(_) => None,
             });

@@ -6,10 +6,10 @@ use greybox_simulation::model::ModelDescription;
 
 /// The joint priors of a specification that exists, whose covariances are so sound.
 pub(super) fn joint(spec: &JobSpec, description: &ModelDescription) -> Vec<JointPrior> {
-    let joint = spec.priors.iter().filter_map(|own| {
+    let joint = spec.priors.iter().filter_map(|prior| {
         let place = |name: &String| description.parameter_index(name);
-        let places = own.parameters.iter().map(place).collect::<Option<_>>()?;
-        JointPrior::new(places, own.scale, &own.mean, &own.covariance)
+        let places = prior.parameters.iter().map(place).collect::<Option<_>>()?;
+        JointPrior::new(places, prior.scale, &prior.mean, &prior.covariance)
     });
     joint.collect()
 }

@@ -162,7 +162,11 @@ impl Finished<'_> {
 
     /// The whole recordings in the place of windows.
     pub(super) fn whole_recordings(&self) -> Option<Change> {
-        let mut windows = self.spec.experiments.iter().map(|own| own.window);
+        let mut windows = self
+            .spec
+            .experiments
+            .iter()
+            .map(|experiment| experiment.window);
         windows.any(|window| window.is_some()).then(|| Change {
             label: "Use the whole recordings".to_owned(),
             why: "Without windows.".to_owned(),

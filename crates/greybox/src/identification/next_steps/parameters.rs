@@ -243,7 +243,8 @@ impl Finished<'_> {
                 _ => None,
             };
         }
-        let parameters = experiment.map_or(&self.spec.parameters, |own| &own.parameters);
+        let parameters =
+            experiment.map_or(&self.spec.parameters, |experiment| &experiment.parameters);
         match parameters.get(name)? {
             ParameterSpec::Free(free) => free.prior,
             ParameterSpec::Fixed(_) => None,

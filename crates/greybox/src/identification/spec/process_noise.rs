@@ -56,7 +56,9 @@ impl JobNoiseSpec {
             JobNoiseSpec::Choice(NoiseChoice::None) => SoughtNoise::None,
             JobNoiseSpec::Choice(NoiseChoice::Auto) => SoughtNoise::Auto,
             JobNoiseSpec::Listed(listed) => {
-                let sought = listed.iter().filter_map(|own| own.sought(model));
+                let sought = listed
+                    .iter()
+                    .filter_map(|disturbance| disturbance.sought(model));
                 SoughtNoise::Listed(sought.collect())
             }
         }

@@ -36,9 +36,9 @@ pub(super) fn deviations(factor: &DMatrix<f64>) -> Option<Vec<f64>> {
 }
 
 /// The triangle of two sets of rows.
-pub(super) fn sum(one: &Triangle, other: &Triangle) -> Triangle {
-    let mut both = one.clone();
-    both.push(&with_zero_right(&other.factor()));
+pub(super) fn sum(first: &Triangle, second: &Triangle) -> Triangle {
+    let mut both = first.clone();
+    both.push(&with_zero_right(&second.factor()));
     both
 }
 

@@ -44,18 +44,18 @@ impl Case<'_> {
         doubts
     }
 
-    fn disturbance(&self, found: &DisturbanceEstimate) -> Doubt {
+    fn disturbance(&self, estimate: &DisturbanceEstimate) -> Doubt {
         let model = self.problem.model.description();
-        let unit = found.sought.unit(model);
-        let size = match (found.std, found.time_constant) {
+        let unit = estimate.sought.unit(model);
+        let size = match (estimate.std, estimate.time_constant) {
             (Some(std), Some(memory)) => format!(
                 "{} {unit} with a memory of {} s",
                 short(std.value),
                 short(memory.value)
             ),
-            _ => format!("strength {} {unit}·√s", short(found.strength.value)),
+            _ => format!("strength {} {unit}·√s", short(estimate.strength.value)),
         };
-        let shares = self.problem.outputs.iter().zip(&found.shares);
+        let shares = self.problem.outputs.iter().zip(&estimate.shares);
         let shares = shares.filter_map(|(output, share)| {
             let per_cent = short(100.0 * (*share)?);
             Some(format!("{per_cent} % of the variance of `{}`", output.name))
@@ -64,20 +64,20 @@ impl Case<'_> {
         let detail = format!(
             "something that was not recorded moves the plant: {} ({size}), which makes {}; the \
              intervals hold for it, if it follows neither the inputs nor the states",
-            found.sought.in_words(model),
+            estimate.sought.in_words(model),
             shares.join(" and ")
         );
         Doubt::new(Rule::Disturbance, Trust::High, detail)
     }
 
-    fn dominates(&self, found: &DisturbanceEstimate) -> Option<Doubt> {
-        let shares = self.problem.outputs.iter().zip(&found.shares);
+    fn dominates(&self, estimate: &DisturbanceEstimate) -> Option<Doubt> {
+        let shares = self.problem.outputs.iter().zip(&estimate.shares);
         let mut largest = shares.filter(|(_, share)| share.is_some_and(|share| share > DOMINATES));
         let (output, share) = largest.next()?;
         let detail = format!(
             "{} makes {} % of the variance of `{}`: the parameters may hold, but a simulation \
              from the inputs alone predicts little of it; record what moves the plant",
-            found.sought.in_words(self.problem.model.description()),
+            estimate.sought.in_words(self.problem.model.description()),
             short(100.0 * (*share)?),
             output.name
         );

@@ -7,6 +7,7 @@ use super::super::{ReadError, units};
 use super::fields::{is_data, line_of, texts, time_name_and_unit};
 use crate::{MAX_SIGNALS, name_fault};
 use ::csv::ByteRecord;
+use greybox_numerics::parsing::Fault;
 use std::collections::HashSet;
 
 /// What the columns are.
@@ -48,9 +49,13 @@ impl Header {
             faults.invalid(at_line(line, None, "too_many_signals", detail));
         } else if let Some(first) = titles.iter().find(|_| titles.iter().all(|t| is_data(t))) {
             let detail = format!(
-                "the first row has `{first}` where a name is expected; put a row of names before it"
+                "the first row has `{first}` where a name is expected: put a row of names before it, or say \
+                 `header_row=none`, and the columns are called `column_1`, `column_2` and so on"
             );
-            faults.invalid(at_line(line, None, "no_header", detail));
+            faults.invalid(Fault {
+                parameter: Some("header_row".into()),
+                ..at_line(line, None, "no_header", detail)
+            });
         } else if time.is_none() {
             let wanted = options.time.as_deref().unwrap_or_default();
             let detail = format!("there is no time column `{wanted}`");

@@ -184,13 +184,7 @@ impl LongColumns {
                 detail,
             )));
         }
-        let quality = match named(titles, "quality", table.quality.as_deref())? {
-            Some(place) => plain
-                .quality()
-                .filter(|(titled, _)| *titled == place)
-                .or(Some((place, None))),
-            None => plain.quality(),
-        };
+        let quality = quality(titles, &plain, table.quality.as_deref())?;
         let mut columns = Self {
             time,
             tag,
@@ -246,6 +240,24 @@ fn numbers(rows: &[Vec<String>], apart: &[usize]) -> Vec<usize> {
     };
     let columns = (0..width).filter(|column| !apart.contains(column));
     columns.filter(is_number).collect()
+}
+
+/// The column of the quality with its scheme: the one that the option names, none where the option is `none`, or the
+/// one that is titled so.
+fn quality(
+    titles: &[&str],
+    plain: &PlainTitles,
+    option: Option<&str>,
+) -> Result<Option<(usize, Option<Scheme>)>, ReadError> {
+    if option == Some("none") && !titles.contains(&"none") {
+        return Ok(None);
+    }
+    let titled = plain.quality();
+    let Some(place) = named(titles, "quality", option)? else {
+        return Ok(titled);
+    };
+    let titled = titled.filter(|(titled, _)| *titled == place);
+    Ok(titled.or(Some((place, None))))
 }
 
 /// The column that an option names, where it names one.

@@ -80,16 +80,11 @@ impl<'s, R: Read> TableRows<'s, R> {
     /// The first row, which has the titles.
     fn titles(&mut self, record: &mut ByteRecord) -> Result<bool, ReadError> {
         self.has_begun = true;
-        let mut titles = ByteRecord::new();
         let mut is_one = true;
-        for k in 0..self.shape.top().max(1) {
+        for _ in 0..self.shape.rows_above() {
             is_one &= read_text_row(&mut self.rows, record)?;
-            if k == self.shape.header() {
-                titles.clone_from(record);
-            }
         }
-        self.shape.fit_titles(&mut titles);
-        *record = titles;
+        *record = self.shape.table_titles();
         Ok(is_one)
     }
 }

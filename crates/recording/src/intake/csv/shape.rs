@@ -6,7 +6,7 @@ use super::super::table_options::TableOptions;
 use super::super::{stamp, units, value};
 use super::fields::{is_called_time, line_of};
 use super::split_time::SplitTime;
-use super::top_rows::{NamedRows, TopRows, fields_of, unit_of};
+use super::top_rows::{NamedRows, Titles, TopRows, fields_of, unit_of};
 use crate::Warning;
 use ::csv::ByteRecord;
 use greybox_numerics::parsing::Fault;
@@ -29,8 +29,10 @@ const NUMBERING: [&str; 9] = [
 pub(super) struct Shape {
     /// The rows of the text above the first of the data.
     top: Vec<ByteRecord>,
-    /// The index of the row of titles among them.
-    header: usize,
+    /// The index of the row of titles among them; none where columns are called by their numbers.
+    header: Option<usize>,
+    /// The columns of a text without titles.
+    width: usize,
     /// The index of the row of units among them.
     units: Option<usize>,
     numbers_rows: bool,
@@ -48,6 +50,7 @@ impl Shape {
     pub(super) fn plain(records: &[ByteRecord]) -> Shape {
         Shape {
             top: records.first().cloned().into_iter().collect(),
+            header: Some(0),
             ..Shape::default()
         }
     }
@@ -59,22 +62,32 @@ impl Shape {
         if named.header.is_none() && top.first_data(0) == top.rows.len() {
             return None;
         }
-        let (header, units, rivals) = match top.named_titles(&named) {
-            Ok((header, units)) => (header, units, Vec::new()),
-            Err(rivals) => (*rivals.first()?, None, rivals),
+        let (Titles { header, units }, rivals) = match top.named_titles(&named) {
+            Ok(titles) => (titles, Vec::new()),
+            Err(rivals) => {
+                let header = Some(*rivals.first()?);
+                let units = None;
+                (Titles { header, units }, rivals)
+            }
         };
-        // What stands below the titles and is no row of units is a row of the table, right or wrong.
-        let end = units.map_or(header, |units| units.max(header)) + 1;
+        let end = header.max(units).map_or(0, |last| last + 1);
         let first = top.first_data(end);
-        let end = (end..first).find(|k| !top.is_comment(*k)).unwrap_or(first);
+        // What stands below the titles and is no row of units is a row of the table, right or wrong.
+        let mut below_titles = (end..first).filter(|k| header.is_some() && !top.is_comment(*k));
+        let end = below_titles.next().unwrap_or(first);
         let below = top.rows.get(end..)?;
-        let titles = &top.rows[header];
+        let width = below.iter().map(Vec::len).max().unwrap_or(0);
+        let titles = match header {
+            Some(header) => top.rows[header].clone(),
+            None => numbered_titles(width),
+        };
         Some(Shape {
             top: records[..end].to_vec(),
             header,
+            width,
             units,
-            numbers_rows: numbers_rows(titles, below),
-            time: SplitTime::of(titles, below),
+            numbers_rows: numbers_rows(&titles, below),
+            time: SplitTime::of(&titles, below),
             columns: top.data.len(),
             rivals: rivals.into_iter().map(|k| line_of(&records[k])).collect(),
             missing_line: named.missing,
@@ -91,9 +104,10 @@ impl Shape {
         self.top.len()
     }
 
-    /// The index of the row of titles among the rows above the data.
-    pub(super) fn header(&self) -> usize {
-        self.header
+    /// Rows of the text to read before the first of the data. A text without a row has none for its titles.
+    pub(super) fn rows_above(&self) -> usize {
+        let titles = usize::from(self.header.is_some());
+        self.top.len().max(titles)
     }
 
     /// Whether a row stands above the data too.
@@ -109,8 +123,12 @@ impl Shape {
         }
     }
 
-    /// Makes the row of the titles the titles of the table.
-    pub(super) fn fit_titles(&self, record: &mut ByteRecord) {
+    /// The titles of the table.
+    pub(super) fn table_titles(&self) -> ByteRecord {
+        let record = match self.header {
+            Some(header) => self.top.get(header).cloned().unwrap_or_default(),
+            None => ByteRecord::from(numbered_titles(self.width)),
+        };
         let time = self
             .time
             .as_ref()
@@ -133,7 +151,7 @@ impl Shape {
             }
         }
         titles.set_position(record.position().cloned());
-        *record = self.row(&titles, &time.unwrap_or_default());
+        self.row(&titles, &time.unwrap_or_default())
     }
 
     /// The fields of a row of the text as those of the table, with the field of its time.
@@ -151,14 +169,17 @@ impl Shape {
         row
     }
 
-    /// The titles as they stand in the text.
+    /// The titles as they stand in the text, or those of a text that has none.
     pub(super) fn titles(&self) -> Vec<String> {
-        self.top.get(self.header).map(fields_of).unwrap_or_default()
+        match self.header {
+            Some(header) => self.top.get(header).map(fields_of).unwrap_or_default(),
+            None => numbered_titles(self.width),
+        }
     }
 
     /// The line of the titles.
     pub(super) fn header_line(&self) -> Option<u64> {
-        self.top.get(self.header).map(line_of)
+        self.header.and_then(|row| self.top.get(row)).map(line_of)
     }
 
     /// The line of the units.
@@ -206,14 +227,14 @@ impl Shape {
                 ..at_line(first, None, "titles_unclear", detail)
             });
         }
-        let titles = fields_of(self.top.get(self.header)?);
+        let line = self.header_line()?;
+        let titles = self.titles();
         let differs = |(k, title): (usize, &String)| {
             let (name, unit) = units::name_and_unit(title);
             let below = self.unit(k).filter(|_| !unit.is_empty())?;
             let detail = format!(
                 "the title says `{unit}`, and the row of units `{below}`: say `unit_row=none`, or mend the title"
             );
-            let line = line_of(&self.top[self.header]);
             let fault = at_line(line, Some(name), "units_differ", detail);
             (units::parse(unit) != units::parse(below)).then_some(fault)
         };
@@ -223,7 +244,8 @@ impl Shape {
     /// Warnings about how the rows became a table.
     pub(super) fn notes(&self) -> Vec<Warning> {
         let note = |code: &str, detail: String| Some(Warning::of_recording(code, detail));
-        let skipped = (0..self.top.len()).filter(|k| *k != self.header && Some(*k) != self.units);
+        let skipped =
+            (0..self.top.len()).filter(|k| ![self.header, self.units].contains(&Some(*k)));
         let mut skipped = skipped.map(|k| fields_of(&self.top[k]).join(" "));
         let skipped = skipped.next().and_then(|first| {
             let (count, first) = (1 + skipped.count(), excerpt(&first));
@@ -240,8 +262,8 @@ impl Shape {
             )
         });
         let time = self.time.as_ref().and_then(|time| {
-            let titles = fields_of(&self.top[self.header]);
-            let titles = titles.iter().enumerate().filter(|(k, _)| time.has(*k));
+            let titles = self.titles().into_iter().enumerate();
+            let titles = titles.filter(|(k, _)| time.has(*k));
             let titles: Vec<String> = titles.map(|(_, title)| format!("`{title}`")).collect();
             note(
                 "joined_time",
@@ -255,11 +277,21 @@ impl Shape {
             )
         };
         let numbers = self.numbers_rows.then(numbers).flatten();
-        [skipped, units, time, numbers]
+        let titles = self.header.is_none().then(|| {
+            let detail =
+                "no line has titles: the columns are called `column_1`, `column_2` and so on";
+            note("no_titles", detail.to_owned())
+        });
+        [skipped, titles.flatten(), units, time, numbers]
             .into_iter()
             .flatten()
             .collect()
     }
+}
+
+/// The titles of columns that have none.
+fn numbered_titles(columns: usize) -> Vec<String> {
+    (1..=columns).map(|k| format!("column_{k}")).collect()
 }
 
 /// Whether the first column counts the rows, and the second is a time by its title or by what stands in it.

@@ -1,6 +1,6 @@
 //! What the first rows of a text are: titles, units, comments and data.
 
-use super::super::table_options::{TableOptions, UnitRow};
+use super::super::table_options::{NamedRow, TableOptions};
 use super::super::{stamp, units};
 use super::fields::{is_data, line_of};
 use ::csv::ByteRecord;
@@ -84,32 +84,32 @@ impl TopRows {
 
     /// The row of titles and that of units, as options name them or as they look, or all rows that may be that of
     /// titles.
-    pub(super) fn named_titles(
-        &self,
-        named: &NamedRows,
-    ) -> Result<(usize, Option<usize>), Vec<usize>> {
+    pub(super) fn named_titles(&self, named: &NamedRows) -> Result<Titles, Vec<usize>> {
         if let Some(header) = named.header {
-            let below = header + 1..self.first_data(header + 1);
-            let mut below = below.filter(|k| is_units(&self.rows[*k]) && !self.is_comment(*k));
-            return Ok((header, named.units.unwrap_or_else(|| below.next_back())));
+            let from = header.map_or(0, |header| header + 1);
+            let above_data = from..self.first_data(from);
+            let mut units = above_data.filter(|k| is_units(&self.rows[*k]) && !self.is_comment(*k));
+            let units = named.units.unwrap_or_else(|| units.next_back());
+            return Ok(Titles { header, units });
         }
         let first = self.first_data(0);
         let Some(units) = named.units else {
             return self.titles(first);
         };
+        let with_units = |header| Titles {
+            header: Some(header),
+            units,
+        };
         match self.titles(first) {
-            Ok((header, _)) if Some(header) != units => Ok((header, units)),
+            Ok(titles) if titles.header != units => Ok(Titles { units, ..titles }),
             Ok(_) => {
                 let mut above = (0..first).filter(|k| Some(*k) != units && self.is_titles(*k));
-                above
-                    .next_back()
-                    .map(|header| (header, units))
-                    .ok_or_else(Vec::new)
+                above.next_back().map(with_units).ok_or_else(Vec::new)
             }
             Err(mut rivals) => {
                 rivals.retain(|k| Some(*k) != units);
                 match rivals[..] {
-                    [header] => Ok((header, units)),
+                    [header] => Ok(with_units(header)),
                     _ => Err(rivals),
                 }
             }
@@ -117,12 +117,17 @@ impl TopRows {
     }
 
     /// The row of titles and that of units above the first row of data, or all rows that may be that of titles.
-    fn titles(&self, first: usize) -> Result<(usize, Option<usize>), Vec<usize>> {
+    fn titles(&self, first: usize) -> Result<Titles, Vec<usize>> {
+        let titles = |header, units| Titles {
+            header: Some(header),
+            units,
+        };
         let may_be = (0..first).map(|k| self.is_titles(k) || is_units(&self.rows[k]));
         let may_be: Vec<bool> = may_be.collect();
         let all = || (0..first).filter(|k| may_be[*k]);
         let Some(last) = all().rfind(|k| !self.is_comment(*k)) else {
-            return all().next_back().map(|k| (k, None)).ok_or_else(Vec::new);
+            let last = all().next_back();
+            return last.map(|k| titles(k, None)).ok_or_else(Vec::new);
         };
         let block = (0..=last).rev();
         let block = block.take_while(|k| may_be[*k] && !self.is_comment(*k));
@@ -135,15 +140,22 @@ impl TopRows {
         };
         block.retain(|k| Some(*k) != units);
         match block[..] {
-            [titles] => Ok((titles, units)),
+            [header] => Ok(titles(header, units)),
             _ => Err(block),
         }
     }
 }
 
+/// The rows of titles and of units, where there are such.
+pub(super) struct Titles {
+    pub(super) header: Option<usize>,
+    pub(super) units: Option<usize>,
+}
+
 /// The rows that options name by their lines.
 pub(super) struct NamedRows {
-    pub(super) header: Option<usize>,
+    /// The row of titles, or that there is none.
+    pub(super) header: Option<Option<usize>>,
     /// The row of units, or that there is none.
     units: Option<Option<usize>>,
     pub(super) missing: Option<(&'static str, u64)>,
@@ -158,10 +170,13 @@ impl NamedRows {
             place
         };
         NamedRows {
-            header: options.header_row.and_then(|line| row("header_row", line)),
+            header: options.header_row.and_then(|header| match header {
+                NamedRow::None => Some(None),
+                NamedRow::Line(line) => row("header_row", line).map(Some),
+            }),
             units: options.unit_row.map(|units| match units {
-                UnitRow::None => None,
-                UnitRow::Line(line) => row("unit_row", line),
+                NamedRow::None => None,
+                NamedRow::Line(line) => row("unit_row", line),
             }),
             missing,
         }

@@ -262,12 +262,12 @@ fn positions_of(problem: &Problem, outcome: &Outcome) -> Vec<f64> {
             return 0.5;
         };
         let mut parameters = outcome.parameters.iter();
-        let estimate = parameters.find(|known| known.name == coordinate.quantity);
-        estimate.map_or(0.5, |known| {
+        let estimate = parameters.find(|parameter| parameter.name == coordinate.quantity);
+        estimate.map_or(0.5, |parameter| {
             let (lower, upper) = (coordinate.lower, coordinate.upper);
             coordinate
                 .scale
-                .position(known.estimate.estimate, lower, upper)
+                .position(parameter.estimate.estimate, lower, upper)
         })
     };
     problem.coordinates.iter().map(position).collect()

@@ -41,6 +41,39 @@ fn titles_that_are_in_doubt_are_asked_for_and_said_by_their_line() {
 }
 
 #[test]
+fn columns_without_titles_are_called_by_their_numbers_where_options_say_so() {
+    let text = "0,1,2\n1,1.5,3\n2,2.5,4\n";
+    let asked = ("no_header".to_owned(), Some("header_row".to_owned()));
+    assert_eq!(faults(text, &[]), [asked]);
+    let options = [
+        ("header_row", "none"),
+        ("time_unit", "s"),
+        ("units", "column_2:bar"),
+        ("rename", "column_3:valve"),
+    ];
+    for above in ["", "# logger 7\n", "Report of hall 2\n\n"] {
+        let recording = read([above, text].concat().as_bytes(), &with(&options)).unwrap();
+        assert_eq!(values(&recording, "column_2"), [1e5, 1.5e5, 2.5e5]);
+        assert_eq!(values(&recording, "valve"), [2.0, 3.0, 4.0]);
+        let mut codes = recording.notes.iter().map(|note| &note.code);
+        assert!(codes.any(|code| code == "no_titles"));
+    }
+    let units = ["ms,bar,1\n", text].concat();
+    let recording = read(units.as_bytes(), &with(&[("header_row", "none")])).unwrap();
+    assert_eq!(values(&recording, "column_2"), [1e5, 1.5e5, 2.5e5]);
+    assert_eq!(recording.time.duration(), 0.002);
+    let rows = (0..6).map(|k| format!("{k},A,{k}.5\n{k},B,1\n"));
+    let options = [
+        ("header_row", "none"),
+        ("time_unit", "s"),
+        ("tag", "column_2"),
+        ("value", "column_3"),
+    ];
+    let recording = read(rows.collect::<String>().as_bytes(), &with(&options)).unwrap();
+    assert_eq!(values(&recording, "A"), [0.5, 1.5, 2.5, 3.5, 4.5, 5.5]);
+}
+
+#[test]
 fn a_row_of_units_is_where_options_say_or_nowhere() {
     let above = "s,bar,1\nt,p,u\n0,1,0\n1,2,0\n2,3,1\n";
     let recording = read(above.as_bytes(), &with(&[("unit_row", "1")])).unwrap();
@@ -102,6 +135,9 @@ fn columns_of_a_list_of_samples_are_called_what_options_say() {
         recording.signals
     );
     assert_eq!(recording.signal("B").unwrap().missing(), 6);
+    let without_quality = with(&[("tag", "Ort"), ("value", "Wert 1"), ("quality", "none")]);
+    let whole = read(text.replace("Gte", "Quality").as_bytes(), &without_quality).unwrap();
+    assert_eq!(whole.signal("B").unwrap().missing(), 0);
     for (option, title) in [("tag", "Orte"), ("value", "Wert"), ("quality", "Güte")] {
         let columns = [("tag", "Ort"), ("value", "Wert 1"), ("quality", "Gte")];
         let columns =
@@ -185,6 +221,13 @@ fn a_layout_that_is_asked_for_is_shown_as_options_say() {
     let told = shown(&text, &[("tag", "machine")]);
     assert_eq!((told.format, &told.faults[..]), ("long_csv", &[][..]));
     assert_eq!(roles(&told), [Time, Tag, Value, Value]);
+    let untitled = shown(
+        "0,1\n1,2\n2,4\n",
+        &[("header_row", "none"), ("time_unit", "s")],
+    );
+    assert_eq!((untitled.header_row, untitled.first_row), (None, Some(1)));
+    assert_eq!(untitled.columns[1].title, "column_2");
+    assert_eq!(untitled.faults, []);
 }
 
 #[test]
