@@ -585,6 +585,30 @@ test("the first rows of a file show how the server reads them, and are read as i
   await page.close();
 });
 
+test("a file without titles is read once the page says that its first line has none", {
+  skip,
+}, async () => {
+  const page = await open("/#/datasets");
+  // The last column makes the recording a new one.
+  await chooseText(page, "bare.csv", `0,1.2,${Date.now()}\n1,1.3,0\n2,1.4,0\n`);
+  await says(page, "As it stands, the file would be refused");
+  await page.select("select[aria-label='What line 1 is']", "neither");
+  await reads(page, ["data", "data", "data"], ["Time", "Signal", "Signal"]);
+  assert.equal(await fieldOf(page, "Line of the titles"), "none");
+  // Nothing tells the unit of a time without a title.
+  await page.select("::-p-xpath(//label[contains(., 'What its times are')]/select)", "s");
+  await picture(page, "upload-untitled");
+  await page.click(".drop button[type=submit]");
+  await says(page, "Stored: ");
+  const [dataset] = (await api("/v1/datasets?limit=1")).items;
+  assert.deepEqual(
+    dataset.signals.map(({ name }) => name),
+    ["column_2", "column_3"],
+  );
+  assert.deepEqual(page.faults, []);
+  await page.close();
+});
+
 test("rows of several machines become signals once the page says which column names them", {
   skip,
 }, async () => {
