@@ -115,7 +115,8 @@ async fn a_server_with_little_memory_answers_recordings_that_come_together() {
         uploads.spawn(async { answer(request).await.expect("an answer").0 });
     }
     let statuses = uploads.join_all().await;
-    let expected = [StatusCode::CREATED, StatusCode::TOO_MANY_REQUESTS];
+    // Who waits too long for a turn is told to come again.
+    let expected = [StatusCode::CREATED, StatusCode::SERVICE_UNAVAILABLE];
     assert!(
         statuses.iter().all(|status| expected.contains(status)),
         "{statuses:?}"
