@@ -56,7 +56,7 @@ impl Default for Limits {
 }
 
 impl Limits {
-    /// The same limits for a process that may have so many bytes of memory. Half of them are for recordings that come
+    /// Limits of a process that may have so many bytes of memory. Half of the memory is for recordings that come
     /// in, each with the most that reading takes: where one of the largest size has no room, smaller ones are taken.
     #[must_use]
     pub fn within_memory(self, bytes: u64) -> Self {

@@ -58,7 +58,7 @@ impl Body {
         }
     }
 
-    /// The same body with its end cut off or some bytes changed, which may be stored or refused.
+    /// Cuts the end off the body or changes some of its bytes: a damaged body may be stored or refused.
     fn damaged(mut self, random: &mut ChaCha8Rng) -> Self {
         let place = random.random_range(0..self.bytes.len());
         if random.random() {
