@@ -74,6 +74,11 @@ const RUNAWAY: f64 = 1e9;
 const BUDGET: f64 = 2e6;
 const BUDGET_OF_SAMPLE: f64 = 4e3;
 
+/// Derivatives that one candidate may spend where candidates are simulated coarsely, to be told apart: a few
+/// extreme ones (a rate of 1e5 a minute, an exponent of 1000) would else cost more than thousands of others.
+const COARSE_BUDGET: f64 = 5e4;
+const COARSE_BUDGET_OF_SAMPLE: f64 = 1e3;
+
 /// No quantity of a plant is larger than this in SI units.
 pub const LARGEST_NUMBER: f64 = 1e30;
 
@@ -170,6 +175,12 @@ impl<'a, P: System, R: Real> Integrator<'a, P, R> {
             *weight = per_tolerance / *weight;
         }
         let is_undisturbed = equations.n_held() == 0;
+        let budget = match source.accuracy {
+            Accuracy::Ranking | Accuracy::Screening => {
+                COARSE_BUDGET + COARSE_BUDGET_OF_SAMPLE * samples as f64
+            }
+            Accuracy::Full | Accuracy::Reference => BUDGET + BUDGET_OF_SAMPLE * samples as f64,
+        };
         Integrator {
             source,
             stages: FourthOrderStages::like(&states),
@@ -180,7 +191,7 @@ impl<'a, P: System, R: Real> Integrator<'a, P, R> {
             length: R::splat(0.0),
             has_new: true,
             derivatives: R::splat(0.0),
-            budget: BUDGET + BUDGET_OF_SAMPLE * samples as f64,
+            budget,
             failures: [None; MOST],
             has_failed: false,
             stiff_looks: [0; MOST],

@@ -11,6 +11,7 @@
 use super::feasible;
 use super::problem::{Experiment, Problem, Target};
 use super::refine::{self, Descent, DescentEnd, Linearisation};
+use super::settings::Settings;
 use greybox_numerics::statistics;
 use greybox_simulation::Accuracy;
 use serde::{Deserialize, Serialize};
@@ -20,6 +21,8 @@ use utoipa::ToSchema;
 
 /// Two costs are the same where χ² differs by less than the 95 % quantile for one unknown.
 const SAME_CHI_SQUARE: f64 = 3.84;
+/// What a standard error of one unknown costs.
+const LIKELIER_CHI_SQUARE: f64 = 1.0;
 /// Costs that differ by less than this share are the same too: they are coarsely simulated.
 const SAME_COST: f64 = 1e-3;
 /// Minima so many standard errors apart, by the linear model at one of them, are two: within one
@@ -35,7 +38,8 @@ const NOISE: f64 = 1.05;
 const SMALL_SHARE: f64 = 0.01;
 /// Residuals of a record that costs next to nothing to search again.
 const FEW: usize = 1000;
-/// Residuals of a record in which chi-square hardly tells a wrong minimum from noise.
+/// Residuals of a record in which chi-square hardly tells a wrong minimum from noise, and in which every
+/// search may come to the same wrong minimum.
 const VERY_FEW: usize = 100;
 /// Exchanges that are followed at the most.
 const MOST_EXCHANGES: usize = 3;
@@ -81,6 +85,7 @@ pub struct Landmarks {
     /// What a constant leaves of the data, as a cost.
     plateau: f64,
     residuals: usize,
+    unknowns: u32,
     declares_noise: bool,
 }
 
@@ -91,8 +96,21 @@ impl Landmarks {
         Landmarks {
             plateau: plateau(problem),
             residuals: problem.n_residuals(),
+            unknowns: problem.coordinates.len() as u32,
             declares_noise: problem.declares_noise(),
         }
+    }
+
+    /// How many searches there may be, the first included, while the floor is in doubt: of a record with very
+    /// few residuals so many times as many further ones as there are unknowns.
+    #[must_use]
+    pub fn most_searches(&self, settings: &Settings) -> u32 {
+        let times = if self.residuals <= VERY_FEW {
+            self.unknowns.max(1)
+        } else {
+            1
+        };
+        settings.restarts + settings.further_searches.saturating_mul(times)
     }
 
     /// Whether a constant explains as much as what has this cost.
@@ -105,6 +123,18 @@ impl Landmarks {
     /// as the residuals' noise is by declaration, or else by what is left.
     pub(super) fn is_same(&self, lowest: f64, cost: f64) -> bool {
         self.is_same_fine(lowest, cost) || self.excess(lowest, cost) <= SAME_COST
+    }
+
+    /// Whether a minimum is likelier than another, both coarsely simulated: by more than the simulation errs,
+    /// and by more than one standard error of one unknown costs in declared noise. Without that, what is left
+    /// of two minima may only tell how near each descent came.
+    pub(super) fn is_likelier(&self, cost: f64, other: f64) -> bool {
+        let excess = self.excess(cost, other);
+        let least = match self.declares_noise {
+            true => LIKELIER_CHI_SQUARE,
+            false => SAME_CHI_SQUARE,
+        };
+        excess > SAME_COST && excess * self.residuals as f64 > least
     }
 
     fn excess(&self, lowest: f64, cost: f64) -> f64 {
@@ -190,7 +220,10 @@ pub fn is_doubtful(landmarks: &Landmarks, descents: &[Descent]) -> bool {
             } else {
                 2
             };
-            floor.plateau || (floor.searches_at_floor < enough && (found_once || !is_explained))
+            // Declared noise says of very few residuals that a minimum is wrong, however often it is found.
+            let is_wrong = landmarks.declares_noise && landmarks.residuals <= VERY_FEW;
+            let is_unsure = floor.searches_at_floor < enough && (found_once || !is_explained);
+            floor.plateau || is_wrong || is_unsure
         }
     }
 }

@@ -140,7 +140,9 @@ impl Estimation {
     #[must_use]
     pub fn start(problem: &Problem, settings: &Settings, seed: u64) -> Estimation {
         let mut run = Estimation::at(problem, settings, seed, EstimationCheckpoint::default());
-        run.search.restart(0);
+        let segmented = run.segmented.as_ref();
+        let task = task(problem, segmented, settings, seed, run.landmarks);
+        run.search = Search::start(&task, 0);
         let n = problem.coordinates.len();
         if settings.name == MethodName::MultistartLm {
             let mut rng = rng::stream(seed, 0, rng::Purpose::Population);
@@ -286,10 +288,12 @@ impl Estimation {
     }
 
     /// Begins the next search.
-    fn begin_next_search(&mut self) {
+    fn begin_next_search(&mut self, problem: &Problem) {
         let number = self.state.searches.len() as u32;
         self.state.totals = self.state.totals.and(&self.search.state);
-        self.search.restart(number);
+        let (segmented, settings) = (self.segmented.as_ref(), &self.settings);
+        let task = task(problem, segmented, settings, self.seed, self.landmarks);
+        self.search = Search::start(&task, number);
         self.speculative.forget_before(number);
         self.newly_begun = Some(number);
     }
@@ -344,7 +348,7 @@ impl Estimation {
         });
         let (finished, asked) = (self.state.searches.len(), self.settings.restarts as usize);
         if finished < asked {
-            self.begin_next_search();
+            self.begin_next_search(problem);
             return;
         }
         // A single search gives its best distinct candidates, each of several searches its best.

@@ -142,7 +142,9 @@ impl Estimation {
     /// nothing is to be hoped for. A search over segments whose starts were measured needs it not.
     fn shoot(&mut self, problem: &Problem) -> Option<Vec<Shooting>> {
         let number = self.state.searches.len();
-        if self.segmented.is_some() || self.state.shot_searches == number {
+        let asked = (self.settings.restarts + self.settings.further_searches) as usize;
+        let was_done = self.state.shot_searches == number || number > asked;
+        if self.segmented.is_some() || was_done {
             return None;
         }
         self.state.shot_searches = number;
@@ -176,7 +178,7 @@ impl Estimation {
                 )));
             }
             if self.searches_further() && is_doubtful {
-                self.begin_next_search();
+                self.begin_next_search(problem);
                 return Some(EstimationStage::Search);
             }
             if !self.state.exchanged {
@@ -200,7 +202,7 @@ impl Estimation {
 
     /// Whether another search may begin by itself.
     fn searches_further(&self) -> bool {
-        let most = self.settings.restarts + self.settings.further_searches;
+        let most = self.landmarks.most_searches(&self.settings);
         !self.state.searches.is_empty() && self.state.searches.len() < most as usize
     }
 
@@ -280,7 +282,7 @@ impl Estimation {
     }
 
     /// The descent with the lowest cost. One that began from exchanged parameters is taken only
-    /// where it is lower by more than noise: rounding does not decide between twins.
+    /// where it is the likelier one: rounding does not decide between twins.
     fn lowest(&self, is_asked_for: impl Fn(&Descent) -> bool) -> Option<usize> {
         let lowest_of = |searched: bool| {
             let descents = self.state.descents.iter().enumerate();
@@ -295,7 +297,7 @@ impl Estimation {
         let chosen = match (lowest_of(true), lowest_of(false)) {
             (Some(searched), Some(exchanged)) => {
                 let (before, after) = (cost(searched.1), cost(exchanged.1));
-                let is_lower = after < before && !self.landmarks.is_same(after, before);
+                let is_lower = self.landmarks.is_likelier(after, before);
                 Some(if is_lower { exchanged } else { searched })
             }
             (searched, exchanged) => searched.or(exchanged),

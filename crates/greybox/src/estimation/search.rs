@@ -11,7 +11,7 @@ pub(super) mod icra_genetic;
 pub(super) mod proposer;
 mod state;
 
-pub use state::{Parent, State};
+pub use state::State;
 
 use super::evaluation_cache::EvaluationCache;
 use super::feasible;
@@ -94,14 +94,8 @@ impl Search {
     #[must_use]
     pub fn start(task: &Task<'_>, number: u32) -> Search {
         let mut search = Search::resume(task, number, State::default());
-        search.begin();
+        search.state.population = search.proposer.begin(&mut search.context());
         search
-    }
-
-    /// Draws the first generation of a search.
-    fn begin(&mut self) {
-        let proposer = self.proposer;
-        self.state.population = proposer.begin(&mut self.context());
     }
 
     /// What the proposer sees.
@@ -125,29 +119,21 @@ impl Search {
             seed,
             landmarks,
         } = *task;
+        let settings = settings.of_search(number, problem.coordinates.len());
         let proposer = proposer_of(settings.name);
         Search {
-            settings: settings.clone(),
             seed,
             number,
             proposer,
-            encoding: encoding(problem, settings, proposer),
+            encoding: encoding(problem, &settings, proposer),
             objective: Objective::new(problem, settings.block_samples as usize),
             cache: EvaluationCache::default(),
             landmarks,
             inside: feasible::inside_of_constraints(problem),
             simulated: Vec::new(),
             state,
+            settings,
         }
-    }
-
-    /// Begins another search, the one with a number, in the place of this one.
-    pub fn restart(&mut self, number: u32) {
-        self.number = number;
-        self.cache = EvaluationCache::default();
-        self.simulated.clear();
-        self.state = State::default();
-        self.begin();
     }
 
     /// Which of the run's searches it is, from 0.

@@ -6,6 +6,12 @@ use utoipa::ToSchema;
 
 /// Candidates in a generation of CMA-ES at the least: with fewer nothing is learnt from them.
 const FEWEST_OF_CMA_ES: u32 = 4;
+/// Candidates for each unknown, at the least, in a search that follows those which a job allows.
+const CANDIDATES_OF_UNKNOWN: u32 = 5;
+/// Generations at the most of such a search, in which the candidates become fewer.
+const MOST_GENERATIONS: u32 = 2000;
+/// Generations without a gain in which such a search ends.
+const PATIENCE: u32 = 100;
 
 /// How credits grow from one block of data to the next.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, ToSchema)]
@@ -115,7 +121,9 @@ settings! {
         /// Further searches at the most, 0 to 31, that begin by themselves where it is in doubt whether
         /// the lowest minimum is the floor: where only one start came to it, where what is left is
         /// larger than the noise, or where a constant explains as much. They end when two searches
-        /// have come to the same lowest cost.
+        /// have come to the same lowest cost. Where up to 100 residuals leave the floor in doubt, so many
+        /// times as many may follow as there are unknowns: searches of `icra_genetic` are then followed
+        /// by `differential_evolution` with at least five candidates for each unknown at first.
         further_searches: u32 = 4, from 0, to 31;
         /// Whether Levenberg–Marquardt refines the best candidates at the end.
         refine: bool = true;
@@ -125,6 +133,29 @@ settings! {
 }
 
 impl Settings {
+    /// The settings of the search with a number, from 0. What the hybrid search has not found in all the
+    /// searches that a job allows, differential evolution looks for with more candidates and more patience
+    /// (measured in `benches/studies/tried.md`).
+    #[must_use]
+    pub fn of_search(&self, number: u32, unknowns: usize) -> Settings {
+        let is_allowed = number < self.restarts + self.further_searches;
+        if is_allowed || self.name != MethodName::IcraGenetic {
+            return self.clone();
+        }
+        let candidates = CANDIDATES_OF_UNKNOWN.saturating_mul(unknowns as u32);
+        let patience = match self.stagnation_generations {
+            0 => 0,
+            generations => generations.max(PATIENCE),
+        };
+        Settings {
+            name: MethodName::DifferentialEvolution,
+            population: self.population.max(candidates),
+            generations: MOST_GENERATIONS,
+            stagnation_generations: patience,
+            ..self.clone()
+        }
+    }
+
     /// Why the method cannot work with these settings, if it cannot.
     #[must_use]
     pub fn contradiction(&self) -> Option<&'static str> {

@@ -26,7 +26,7 @@ impl Estimation {
         let refined = self.state.descents.iter().filter(ended).count() as f64;
         let refined = refined / self.state.descents.len().max(1) as f64;
         // Further searches may follow the refinement, and each counts as much as the last one.
-        let rounds = f64::from(1 + self.settings.further_searches);
+        let rounds = f64::from(1 + self.landmarks.most_searches(&self.settings)) - asked as f64;
         let round = (self.state.searches.len() as f64 - asked as f64).max(0.0);
         let after = |share: f64| SEARCH_SHARE + (1.0 - SEARCH_SHARE) * share / rounds;
         Progress {

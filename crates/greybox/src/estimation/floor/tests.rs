@@ -1,6 +1,7 @@
 //! When the lowest minimum is believed, and what is done when it is not.
 
 use super::*;
+use crate::estimation::settings::MethodName;
 use crate::identification::outcome::{Rule, Trust};
 use crate::{Identification, Outcome, Recording};
 use greybox_numerics::rng::{self, Purpose, stream};
@@ -10,6 +11,7 @@ fn landmarks(declares_noise: bool) -> Landmarks {
     Landmarks {
         plateau: 1000.0,
         residuals: 500,
+        unknowns: 12,
         declares_noise,
     }
 }
@@ -42,6 +44,61 @@ fn a_poor_fit_is_believed_when_a_second_search_comes_to_it() {
         (floor.starts, floor.starts_at_floor, floor.searches_at_floor),
         (4, 3, 2)
     );
+}
+
+#[test]
+fn of_very_few_residuals_declared_noise_is_believed_before_searches_that_agree() {
+    let few = |declares_noise| Landmarks {
+        residuals: 21,
+        ..landmarks(declares_noise)
+    };
+    let same = ended(&[(0, 40.0), (1, 40.0), (2, 40.0)]);
+    assert!(is_doubtful(&few(true), &same));
+    assert!(!is_doubtful(&few(false), &same));
+    let noise = ended(&[(0, 0.9), (1, 0.9), (2, 40.0)]);
+    assert!(!is_doubtful(&few(true), &noise));
+    let settings = Settings::default();
+    assert_eq!(few(true).most_searches(&settings), 1 + 4 * 12);
+    assert_eq!(landmarks(true).most_searches(&settings), 1 + 4);
+    let none = Settings {
+        further_searches: 0,
+        ..settings
+    };
+    assert_eq!(few(true).most_searches(&none), 1);
+}
+
+#[test]
+fn searches_beyond_those_a_job_allows_are_of_another_kind() {
+    let settings = Settings::default();
+    assert_eq!(settings.of_search(4, 12), settings);
+    let beyond = settings.of_search(5, 12);
+    assert_eq!(beyond.name, MethodName::DifferentialEvolution);
+    assert_eq!(beyond.population, 60);
+    let rival = Settings {
+        name: MethodName::CmaEs,
+        ..settings
+    };
+    assert_eq!(rival.of_search(5, 12), rival);
+}
+
+#[test]
+fn a_likelier_minimum_costs_more_than_a_standard_error_less() {
+    let few = Landmarks {
+        residuals: 20,
+        ..landmarks(true)
+    };
+    assert!(few.is_likelier(0.9, 1.0));
+    assert!(!few.is_likelier(0.96, 1.0), "0.8 in chi-square");
+    let undeclared = Landmarks {
+        declares_noise: false,
+        ..few
+    };
+    assert!(!undeclared.is_likelier(0.9, 1.0));
+    let long = Landmarks {
+        residuals: 5000,
+        ..landmarks(true)
+    };
+    assert!(!long.is_likelier(0.9995, 1.0), "as much as simulation errs");
 }
 
 #[test]

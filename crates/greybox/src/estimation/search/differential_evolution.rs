@@ -1,12 +1,20 @@
-//! A generation of differential evolution on the objective of the hybrid search, so that the two
-//! can be compared.
+//! A generation of differential evolution on the objective of the hybrid search: to compare the two, and
+//! to look for what the hybrid search has not found
+//! ([`Settings::of_search`](crate::estimation::Settings::of_search)).
+
+mod learnt;
+
+pub use learnt::{Learnt, Parent};
 
 use super::proposer::{Judgement, Proposer, ProposerContext};
-use super::state::Parent;
 use crate::estimation::objective::Evaluation;
-use crate::genetic::{Chromosome, Encoding, differential, operators};
-use greybox_numerics::rng::{Purpose, Rng};
+use crate::estimation::settings::Settings;
+use crate::genetic::{Chromosome, operators};
+use greybox_numerics::rng::Purpose;
 use std::sync::Arc;
+
+/// As many parents are left in the last generation; from the first to the last they become fewer.
+const FEWEST_PARENTS: u32 = 4;
 
 /// Differential evolution.
 #[derive(Debug)]
@@ -21,51 +29,32 @@ impl Proposer for DifferentialEvolution {
 
     fn next(&self, search: &mut ProposerContext<'_>, judged: &Judgement<'_>) -> Vec<Chromosome> {
         let mut rng = search.stream(Purpose::Mutation);
-        let parents = &mut search.state.parents;
-        *parents = survivors(parents, judged.population, judged.evaluations);
-        challengers(parents, search.encoding, &mut rng)
+        let most = parents_after(search.settings, search.state.generation);
+        let state = &mut *search.state;
+        let pairs = judged.population.iter().zip(judged.evaluations);
+        let challengers = pairs.map(|(chromosome, evaluation)| challenger(chromosome, evaluation));
+        let challengers = challengers.collect();
+        state.learnt.challenge(&mut state.parents, challengers);
+        state.parents.sort_by(|a, b| a.cost().total_cmp(&b.cost()));
+        state.parents.truncate(most);
+        state.learnt.forget_beyond(state.parents.len(), &mut rng);
+        state
+            .learnt
+            .challengers(&state.parents, search.encoding, &mut rng)
     }
 }
 
-/// Lets the candidates challenge their parents: who costs less stays.
-fn survivors(
-    parents: &[Parent],
-    population: &[Chromosome],
-    evaluations: &[Arc<Evaluation>],
-) -> Vec<Parent> {
-    let challengers = population
-        .iter()
-        .zip(evaluations)
-        .map(|(chromosome, evaluation)| Parent {
-            chromosome: chromosome.clone(),
-            cost: evaluation.failure.is_none().then_some(evaluation.cost),
-        });
-    if parents.len() != population.len() {
-        return challengers.collect();
+/// How many parents there are after a generation.
+fn parents_after(settings: &Settings, generation: u32) -> usize {
+    let fewest = FEWEST_PARENTS.min(settings.population);
+    let share = f64::from(generation) / f64::from(settings.generations.max(1));
+    let gone = f64::from(settings.population - fewest) * share.min(1.0);
+    (settings.population - gone as u32) as usize
+}
+
+fn challenger(chromosome: &Chromosome, evaluation: &Arc<Evaluation>) -> Parent {
+    Parent {
+        chromosome: chromosome.clone(),
+        cost: evaluation.failure.is_none().then_some(evaluation.cost),
     }
-    let pairs = parents.iter().zip(challengers);
-    pairs
-        .map(|(parent, challenger)| {
-            if cost(&challenger) <= cost(parent) {
-                challenger
-            } else {
-                parent.clone()
-            }
-        })
-        .collect()
-}
-
-/// The next challengers.
-fn challengers(parents: &[Parent], encoding: Encoding, rng: &mut impl Rng) -> Vec<Chromosome> {
-    let positions: Vec<Vec<f64>> = parents
-        .iter()
-        .map(|parent| encoding.decode(&parent.chromosome))
-        .collect();
-    let best = (0..parents.len()).min_by(|a, b| cost(&parents[*a]).total_cmp(&cost(&parents[*b])));
-    let trials = differential::trials(&positions, best.unwrap_or(0), rng);
-    trials.iter().map(|trial| encoding.encode(trial)).collect()
-}
-
-fn cost(parent: &Parent) -> f64 {
-    parent.cost.unwrap_or(f64::INFINITY)
 }

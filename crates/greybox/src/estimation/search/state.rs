@@ -1,20 +1,12 @@
 //! What a search is saved as.
 
 use super::cma_es::Strategy;
+use super::differential_evolution::{Learnt, Parent};
 use crate::estimation::leaders::Judged;
 use crate::estimation::observer::Counters;
 use crate::estimation::stop_reason::Stagnation;
 use crate::genetic::Chromosome;
 use serde::{Deserialize, Serialize};
-
-/// A candidate that challengers are measured against.
-#[derive(Clone, Debug, Serialize, Deserialize)]
-pub struct Parent {
-    /// The string of the candidate.
-    pub chromosome: Chromosome,
-    /// The cost of the candidate; none where it failed.
-    pub cost: Option<f64>,
-}
 
 /// Everything that the next generation depends on.
 #[derive(Clone, Debug, Default, Serialize, Deserialize)]
@@ -26,6 +18,9 @@ pub struct State {
     /// The parents that the candidates challenge, in differential evolution.
     #[serde(default)]
     pub parents: Vec<Parent>,
+    /// What differential evolution has learnt.
+    #[serde(default)]
+    pub learnt: Learnt,
     /// What the candidates are drawn from, in covariance matrix adaptation.
     #[serde(default)]
     pub strategy: Option<Strategy>,
