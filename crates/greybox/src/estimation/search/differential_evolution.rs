@@ -13,7 +13,7 @@ use crate::genetic::{Chromosome, operators};
 use greybox_numerics::rng::Purpose;
 use std::sync::Arc;
 
-/// As many parents are left in the last generation; from the first to the last they become fewer.
+/// Parents in the last generation. Each generation has as many as the one before, or fewer.
 const FEWEST_PARENTS: u32 = 4;
 
 /// Differential evolution.
