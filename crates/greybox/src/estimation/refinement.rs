@@ -139,12 +139,13 @@ impl Estimation {
     }
 
     /// Has the best of the last search descend over segments, once for each search; none where
-    /// nothing is to be hoped for. A search over segments whose starts were measured needs it not.
+    /// nothing is to be hoped for. A search over segments whose starts were measured needs it not, and those
+    /// that follow the searches which a job allows look in another way.
     fn shoot(&mut self, problem: &Problem) -> Option<Vec<Shooting>> {
         let number = self.state.searches.len();
         let asked = (self.settings.restarts + self.settings.further_searches) as usize;
-        let was_done = self.state.shot_searches == number || number > asked;
-        if self.segmented.is_some() || was_done {
+        let was_done = self.state.shot_searches == number;
+        if self.segmented.is_some() || was_done || number > asked {
             return None;
         }
         self.state.shot_searches = number;
