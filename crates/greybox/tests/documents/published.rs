@@ -14,7 +14,6 @@ use greybox::{Identification, Model};
 use serde_json::{Map, Value, json};
 use std::collections::BTreeMap;
 use std::f64::consts::TAU;
-use std::ops::RangeInclusive;
 use std::path::PathBuf;
 use std::sync::atomic::AtomicBool;
 
@@ -292,7 +291,7 @@ fn the_virus_is_followed_by_searches_beyond_those_that_fail() {
         return;
     };
     let asked = std::env::var("GREYBOX_TESTS_SEEDS").map(|text| text.parse().expect("a number"));
-    let seeds: RangeInclusive<u64> = asked.map_or(10..=10, |last| 1..=last);
+    let seeds = asked.map_or(10..=10, |last: u64| 1..=last);
     let solved = seeds.clone().filter(|&seed| {
         let above = published.above_the_lowest(seed);
         println!("crauste, seed {seed}: {above:.3} above the lowest");
