@@ -19,8 +19,10 @@ use super::query::{NoQuery, Params};
 use crate::access::{Project, is_stream_name};
 use crate::monitor::state::instant;
 use crate::store::{MAX_MAPPINGS, MappingPut, MappingRow, Mappings, Store, StoreError};
-use greybox::intake::lines::{LastValue, MappedSignal, Mapping, MappingRule, UnmappedSeries};
-use greybox::intake::units;
+use greybox::intake::spread::{
+    LastValue, MappedQuality, MappedSignal, Mapping, MappingRule, UnmappedSeries,
+};
+use greybox::intake::{quality_schemes, units};
 use greybox::parsing::reader::{Field, read_document};
 use greybox::recording::{Interpolation, MAX_NAME_CHARACTERS, MAX_SIGNALS};
 
@@ -28,11 +30,13 @@ use greybox::recording::{Interpolation, MAX_NAME_CHARACTERS, MAX_SIGNALS};
 const MAX_NAME: usize = 100;
 /// Rules of a mapping at the most.
 const MAX_RULES: usize = 1000;
+/// Fields of a rule that say how good values are, at the most.
+const MAX_QUALITY_FIELDS: usize = 10;
 /// The characters of a measurement, a tag or a field at the most.
 const MAX_KEY_CHARS: usize = 500;
 
 /// The name of a mapping: what agents name as their database or bucket.
-pub struct MappingName(String);
+pub struct MappingName(pub(super) String);
 
 impl FromStr for MappingName {
     type Err = ();
@@ -138,7 +142,8 @@ impl From<UnmappedSeries> for SeenSeries {
 
 /// Say where the series of agents go.
 ///
-/// Agents that write to `POST /write?db={name}` or `POST /api/v2/write?bucket={name}` write by these rules. The
+/// Agents that write to `POST /write?db={name}`, `POST /api/v2/write?bucket={name}` or `POST /omf/{name}` write by these
+/// rules. The
 /// rules take the place of earlier ones as a whole, and the list of series that no rule names begins anew. Samples
 /// that are stored stay where they are.
 #[utoipa::path(
@@ -289,16 +294,50 @@ fn read_rule(field: &Field<'_>) -> Option<MappingRule> {
             .map(|(name, signal)| Some((name.to_owned(), read_signal(&signal)?)))
             .collect()
     });
+    let quality = object.optional("quality").map(|field| read_quality(&field));
     object.finish();
     Some(MappingRule {
         measurement: measurement?,
         tags: tags.unwrap_or_else(|| Some(BTreeMap::new()))?,
         stream: stream?,
         signals: signals?,
+        quality: quality.map_or(Some(None), |quality| quality.map(Some))?,
     })
 }
 
-/// A measurement or the value of a tag.
+fn read_quality(field: &Field<'_>) -> Option<MappedQuality> {
+    refuse_nulls(field);
+    let mut object = field.object()?;
+    let fields = object.optional("fields").map(|field| {
+        let names = field.array()?;
+        if !(1..=MAX_QUALITY_FIELDS).contains(&names.len()) {
+            field.fault(
+                "invalid_length",
+                format!("it has 1 to {MAX_QUALITY_FIELDS} fields"),
+            );
+            return None;
+        }
+        names.map(|name| read_key(&name)).collect()
+    });
+    let codes = object.optional("codes").map(|field| {
+        let name = field.text()?;
+        if !quality_schemes().any(|scheme| scheme == name) {
+            let schemes: Vec<&str> = quality_schemes().collect();
+            field.fault(
+                "unknown_value",
+                format!("it is one of {}", schemes.join(", ")),
+            );
+        }
+        Some(name.to_owned())
+    });
+    object.finish();
+    Some(MappedQuality {
+        fields: fields.unwrap_or_else(|| Some(Vec::new()))?,
+        codes: codes.map_or(Some(None), |codes| codes.map(Some))?,
+    })
+}
+
+/// A measurement, a field or the value of a tag.
 fn read_key(field: &Field<'_>) -> Option<String> {
     let text = field.text()?;
     if text.is_empty() || text.chars().count() > MAX_KEY_CHARS {
@@ -325,7 +364,10 @@ fn read_signal(field: &Field<'_>) -> Option<MappedSignal> {
     let unit = object.optional("unit").map(|field| {
         let unit = field.text()?;
         if units::parse(unit).is_none() {
-            field.fault("unknown_unit", units::unknown(unit));
+            field.fault(
+                "unknown_unit",
+                units::unknown(unit, "write a name that is known"),
+            );
         }
         Some(unit.to_owned())
     });

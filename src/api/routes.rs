@@ -41,6 +41,8 @@ fn described() -> OpenApiRouter<ApiState> {
         .routes(routes!(mappings::put, mappings::show, mappings::remove))
         .routes(routes!(sinks::write_influx_1))
         .routes(routes!(sinks::write_influx_2))
+        .routes(routes!(sinks::omf::write_default))
+        .routes(routes!(sinks::omf::write))
         .routes(routes!(sinks::health::ping))
         .routes(routes!(sinks::health::health))
         .routes(routes!(monitors::create, monitors::list))

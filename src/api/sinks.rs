@@ -1,11 +1,13 @@
-//! Agents write as they write to InfluxDB, and a mapping of the operator says which stream and signal each
-//! series goes to.
+//! Agents write as they write to InfluxDB or to a PI server, and a mapping of the operator says which stream and
+//! signal each series goes to.
 //!
-//! One request is one transaction. A line that is wrong is not stored at all and keeps no others out; it is told
-//! as InfluxDB tells it. A series that no rule names is listed under the mapping.
+//! One request is one transaction. A point that is wrong is not stored at all and keeps no others out; it is told
+//! as the server of its protocol tells it. A series that no rule names is listed under the mapping.
 
 pub(super) mod credentials;
 pub mod health;
+pub mod omf;
+pub mod omf_answer;
 pub(super) mod protocol;
 
 use axum::extract::{Query, Request, State};
@@ -21,7 +23,8 @@ use super::error::{Answer, Kind, Problem};
 use super::streams::stamps::{latest, nanoseconds};
 use crate::store::{BatchOutcome, Keep, MAX_STREAMS, NewBatch, NewWrite};
 use greybox::intake::ReadError;
-use greybox::intake::lines::{self, Precision, RefusedLines, StreamBatch, WrittenLines};
+use greybox::intake::lines::{self, Precision};
+use greybox::intake::spread::{RefusedPoints, StreamBatch, WrittenSamples};
 use greybox::recording::MAX_SIGNALS;
 use protocol::{Protocol, name_version};
 
@@ -80,16 +83,34 @@ pub struct Influx2Query {
     precision: Option<String>,
 }
 
+/// The parameter of a query that names the mapping.
+struct TargetParameter {
+    name: &'static str,
+    /// What a server of the protocol calls the target.
+    target: &'static str,
+}
+
+const DATABASE: TargetParameter = TargetParameter {
+    name: "db",
+    target: "database",
+};
+const BUCKET: TargetParameter = TargetParameter {
+    name: "bucket",
+    target: "bucket",
+};
+
 /// Where lines go, and the unit of their stamps.
 struct WriteTarget {
     protocol: Protocol,
     /// The name of the mapping.
     name: String,
     precision: Precision,
+    /// What the request acts on, for the audit log.
+    acted_on: ActedOn,
 }
 
 impl WriteTarget {
-    fn read(protocol: Protocol, uri: &Uri) -> Answer<Self> {
+    fn read(protocol: Protocol, parameter: &TargetParameter, uri: &Uri) -> Answer<Self> {
         let malformed = |detail: &str| Problem::new(Kind::Malformed, detail);
         let pairs = Query::<Vec<(String, String)>>::try_from_uri(uri);
         let Query(pairs) = pairs.map_err(|_| malformed("the query cannot be read"))?;
@@ -99,10 +120,8 @@ impl WriteTarget {
                 .map(|(_, value)| value.as_str())
                 .filter(|value| !value.is_empty())
         };
-        let name = match protocol {
-            Protocol::Influx1 => value("db").ok_or_else(|| malformed("database is required"))?,
-            Protocol::Influx2 => value("bucket").ok_or_else(|| malformed("bucket is required"))?,
-        };
+        let TargetParameter { name: key, target } = parameter;
+        let name = value(key).ok_or_else(|| malformed(&format!("{target} is required")))?;
         let precision = value("precision").map_or(Some(Precision::NANOSECONDS), Precision::named);
         let precision = precision.ok_or_else(|| {
             malformed("invalid precision; valid precision units are n, ns, u, us, ms, s, m and h")
@@ -111,14 +130,7 @@ impl WriteTarget {
             protocol,
             name: name.to_owned(),
             precision,
-        })
-    }
-
-    /// What the request acts on, for the audit log.
-    fn acted_on(&self) -> ActedOn {
-        ActedOn(match self.protocol {
-            Protocol::Influx1 => format!("/write?db={}", self.name),
-            Protocol::Influx2 => format!("/api/v2/write?bucket={}", self.name),
+            acted_on: ActedOn(format!("{}?{key}={name}", uri.path())),
         })
     }
 
@@ -154,7 +166,7 @@ pub async fn write_influx_1(
     client: Client,
     request: Request,
 ) -> Answer {
-    let target = WriteTarget::read(Protocol::Influx1, request.uri())?;
+    let target = WriteTarget::read(Protocol::Influx1, &DATABASE, request.uri())?;
     write(&state, client, target, request).await
 }
 
@@ -179,7 +191,7 @@ pub async fn write_influx_2(
     client: Client,
     request: Request,
 ) -> Answer {
-    let target = WriteTarget::read(Protocol::Influx2, request.uri())?;
+    let target = WriteTarget::read(Protocol::Influx2, &BUCKET, request.uri())?;
     write(&state, client, target, request).await
 }
 
@@ -195,51 +207,78 @@ async fn write(state: &ApiState, client: Client, target: WriteTarget, request: R
     let parsed = state.bodies.parse_received(received, move |text| {
         lines::written(text, &mapping, precision, latest_ns).map_err(not_read)
     });
-    let WrittenLines {
+    let stored = store(state, client, &target.name, parsed.await?.value).await?;
+    let stored = stored.ok_or_else(|| target.unknown())?;
+    if stored.refused.points > 0 {
+        let problem = Problem::new(Kind::Malformed, stored.told());
+        return Err(problem.with_note(target.acted_on));
+    }
+    let mut response: Response = StatusCode::NO_CONTENT.into_response();
+    name_version(response.headers_mut());
+    response.extensions_mut().insert(target.acted_on);
+    Ok(response)
+}
+
+/// What became of the points of a request.
+struct StoredPoints {
+    /// Points whose samples are stored, or whose series are listed.
+    taken: u64,
+    /// Points that are not.
+    refused: RefusedPoints,
+    /// Points that are refused and on which nothing is said.
+    untold: u64,
+}
+
+/// Stores samples; nothing where the mapping has gone.
+async fn store(
+    state: &ApiState,
+    client: Client,
+    mapping: &str,
+    written: WrittenSamples,
+) -> Answer<Option<StoredPoints>> {
+    let WrittenSamples {
         batches,
         unmapped,
         unlisted,
         mut taken,
         mut refused,
-    } = parsed.await?.value;
+    } = written;
     for batch in &batches {
         client.check_append(&batch.stream)?;
     }
-    let untold = refused.lines.saturating_sub(refused.told.len() as u64);
+    let untold = refused.points.saturating_sub(refused.told.len() as u64);
     if taken > 0 {
         let sizes: Vec<(String, u64)> = batches
             .iter()
-            .map(|batch| (batch.stream.clone(), batch.lines))
+            .map(|batch| (batch.stream.clone(), batch.points))
             .collect();
         let batches = batches.into_iter().map(|batch| of_project(&client, batch));
         let new = NewWrite {
             batches: batches.collect(),
             project: client.project,
-            mapping: target.name.clone(),
+            mapping: mapping.to_owned(),
             unmapped,
             unlisted,
         };
-        let outcomes = mappings.write(new).await?;
-        let outcomes = outcomes.ok_or_else(|| target.unknown())?;
-        for ((stream, lines), outcome) in sizes.into_iter().zip(outcomes) {
+        let Some(outcomes) = state.store.mappings().write(new).await? else {
+            return Ok(None);
+        };
+        for ((stream, points), outcome) in sizes.into_iter().zip(outcomes) {
             let Some(sentence) = refusal(&stream, &outcome) else {
                 continue;
             };
-            refused.lines += lines;
-            taken = taken.saturating_sub(lines);
+            refused.points += points;
+            taken = taken.saturating_sub(points);
             if refused.told.len() < MOST_SENTENCES {
                 refused.told.push(sentence);
             }
         }
     }
-    if refused.lines > 0 {
-        let problem = Problem::new(Kind::Malformed, told(&refused, untold, taken));
-        return Err(problem.with_note(target.acted_on()));
-    }
-    let mut response: Response = StatusCode::NO_CONTENT.into_response();
-    name_version(response.headers_mut());
-    response.extensions_mut().insert(target.acted_on());
-    Ok(response)
+    Ok(Some(StoredPoints {
+        taken,
+        refused,
+        untold,
+    }))
 }
 
 /// A body that was not read to its end: it broke off, or its samples would take too much memory, which agents
@@ -281,15 +320,20 @@ fn refusal(stream: &str, outcome: &BatchOutcome) -> Option<String> {
     }
 }
 
-/// The sentence of InfluxDB on lines that were not stored, of which some are not told one by one.
-fn told(refused: &RefusedLines, untold: u64, taken: u64) -> String {
-    let sentences = refused.told.join("\n");
-    let more = match untold {
-        0 => String::new(),
-        more => format!("\nand {more} more"),
-    };
-    match taken {
-        0 => format!("{sentences}{more}"),
-        _ => format!("partial write: {sentences}{more} dropped={}", refused.lines),
+impl StoredPoints {
+    /// The sentence of InfluxDB on lines that were not stored, of which some are not told one by one.
+    fn told(&self) -> String {
+        let sentences = self.refused.told.join("\n");
+        let more = match self.untold {
+            0 => String::new(),
+            more => format!("\nand {more} more"),
+        };
+        match self.taken {
+            0 => format!("{sentences}{more}"),
+            _ => {
+                let dropped = self.refused.points;
+                format!("partial write: {sentences}{more} dropped={dropped}")
+            }
+        }
     }
 }

@@ -134,7 +134,7 @@ fn create(arguments: &CreateArguments) -> Result<(), CommandError> {
     println!("{}", secret.expose());
     eprintln!("This is shown once. Programs send it as `Authorization: Bearer gbx_…`.");
     if arguments.scope == Scope::Append {
-        eprintln!("Agents that write as to InfluxDB send it as token or as password.");
+        eprintln!("Agents send it as token or as password.");
     }
     Ok(())
 }

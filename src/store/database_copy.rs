@@ -16,7 +16,7 @@ const BYTES_TOGETHER: usize = 1 << 20;
 const ROWS_TOGETHER: usize = 100;
 
 /// What is copied; a table comes after those that its rows belong to.
-pub(super) const TABLES: [&str; 34] = [
+pub(super) const TABLES: [&str; 35] = [
     "jobs",
     "job_labels",
     "job_datasets",
@@ -42,6 +42,7 @@ pub(super) const TABLES: [&str; 34] = [
     "monitor_events",
     "mappings",
     "unmapped_series",
+    "omf_definitions",
     "tokens",
     "idempotency",
     "models",

@@ -17,7 +17,7 @@ use super::shared_database::Database;
 use super::streams::{self, BatchOutcome, NewBatch};
 use super::writer::{Tx, in_transaction};
 use crate::access::Project;
-use greybox::intake::lines::{LastValue, MAX_UNMAPPED, Mapping, UnmappedSeries};
+use greybox::intake::spread::{LastValue, MAX_UNMAPPED, Mapping, UnmappedSeries};
 
 /// Mappings that a project can have.
 pub const MAX_MAPPINGS: i64 = 50;
@@ -265,14 +265,7 @@ async fn write(tx: &mut Tx, new: NewWrite) -> Result<Option<Vec<BatchOutcome>>, 
         unmapped,
         unlisted,
     } = new;
-    let is_there: bool = database::query_scalar(
-        "select exists (select 1 from mappings where project = $1 and name = $2)",
-    )
-    .bind(project.as_str())
-    .bind(&mapping)
-    .fetch_one(&mut **tx)
-    .await?;
-    if !is_there {
+    if !is_there(tx, &project, &mapping).await? {
         return Ok(None);
     }
     let mut outcomes = Vec::with_capacity(batches.len());
@@ -291,6 +284,19 @@ async fn write(tx: &mut Tx, new: NewWrite) -> Result<Option<Vec<BatchOutcome>>, 
         .await?;
     }
     Ok(Some(outcomes))
+}
+
+/// Whether there is a mapping of a name.
+pub(super) async fn is_there(
+    tx: &mut Tx,
+    project: &Project,
+    name: &str,
+) -> Result<bool, StoreError> {
+    let is_there = database::query_scalar(
+        "select exists (select 1 from mappings where project = $1 and name = $2)",
+    );
+    let is_there = is_there.bind(project.as_str()).bind(name);
+    Ok(is_there.fetch_one(&mut **tx).await?)
 }
 
 /// Lists series under a mapping, [`MAX_UNMAPPED`] at the most. Says how many samples are of others.

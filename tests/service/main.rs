@@ -57,6 +57,7 @@ mod sessions;
 mod sign_in;
 mod sinks;
 mod sinks_access;
+mod sinks_omf;
 
 mod slow;
 

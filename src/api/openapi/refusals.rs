@@ -11,13 +11,13 @@ pub(super) fn describe(protocol: Protocol, operation: &mut Operation) {
     let mut refusals: Vec<(u16, &str)> = vec![
         (
             400,
-            "Lines are wrong, which are told; others are stored (`partial write: …`), unless all are wrong. \
+            "Points are wrong, which are told; others are stored (`partial write: …`), unless all are wrong. \
              The agent does not send them again",
         ),
         (401, "The request brings no token of this server"),
         (
             403,
-            "The token may not append, or not to a stream that the lines go to; nothing is stored",
+            "The token may not append, or not to a stream that the points go to; nothing is stored",
         ),
         (404, "There is no mapping of this name; nothing is stored"),
         (
@@ -41,6 +41,7 @@ pub(super) fn describe(protocol: Protocol, operation: &mut Operation) {
             refusals.push((429, too_much));
             "Influx2Error"
         }
+        Protocol::Omf => "OmfAnswer",
     };
     for (status, text) in refusals {
         let content = ContentBuilder::new().schema(Some(Ref::from_schema_name(schema)));

@@ -1,7 +1,7 @@
-//! The ways in which clients of InfluxDB send credentials, as the one way of this server: a bearer.
+//! The ways in which collecting agents send credentials, as the one way of this server: a bearer.
 //!
 //! The secret of a token is the password of `u` and `p` in the query or of `Authorization: Basic`, or what
-//! stands behind `Token`. The name of the user is not looked at: the token says who asks.
+//! stands behind `Token`, and `producertoken` of OMF 1.0. The name of the user is not looked at: the token says who asks.
 
 use axum::extract::{Query, Request};
 use axum::http::{HeaderValue, header};
@@ -10,12 +10,16 @@ use base64::prelude::BASE64_STANDARD;
 
 use super::protocol::Protocol;
 
-/// Writes the credentials of a request to a path of InfluxDB as `Authorization: Bearer`.
+/// Writes the credentials of a request to a path of agents as `Authorization: Bearer`.
 pub(in crate::api) fn as_bearer(request: &mut Request) {
-    if Protocol::of_path(request.uri().path()).is_none() {
-        return;
-    }
-    let Some(secret) = password_of_query(request).or_else(|| secret_of_header(request)) else {
+    let secret = match Protocol::of_path(request.uri().path()) {
+        None => return,
+        Some(Protocol::Influx1 | Protocol::Influx2) => {
+            password_of_query(request).or_else(|| secret_of_header(request))
+        }
+        Some(Protocol::Omf) => secret_of_header(request).or_else(|| producer_token(request)),
+    };
+    let Some(secret) = secret else {
         return;
     };
     if let Ok(bearer) = HeaderValue::from_str(&format!("Bearer {secret}")) {
@@ -33,6 +37,14 @@ fn password_of_query(request: &Request) -> Option<String> {
             .filter(|value| !value.is_empty())
     };
     value("u").and_then(|_user| value("p"))
+}
+
+/// The token of OMF 1.0, where nothing else says who asks.
+fn producer_token(request: &Request) -> Option<String> {
+    let headers = request.headers();
+    let is_said = headers.contains_key(header::AUTHORIZATION);
+    let token = headers.get("producertoken").filter(|_| !is_said)?;
+    Some(token.to_str().ok()?.trim().to_owned())
 }
 
 /// The secret behind `Token` or within `Basic`. Whatever else the header has stays as it is.

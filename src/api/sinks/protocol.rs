@@ -1,14 +1,15 @@
-//! The protocols of InfluxDB, which collecting agents speak: how a server of each says what went wrong.
+//! The protocols that collecting agents speak: how a server of each says what went wrong.
 //!
 //! Agents decide by the status whether they send again. Telegraf drops what InfluxDB 1 answers with any 4xx but
-//! an unknown database, so that whatever may pass later is a 503 there. Sources: InfluxData, *InfluxDB API
-//! reference*, versions 1.8 and 2.7.
+//! an unknown database, so that whatever may pass later is a 503 there, and so it is for the Open Message Format (OMF). Sources: InfluxData,
+//! *InfluxDB API reference*, versions 1.8 and 2.7; AVEVA, *OMF with PI Web API*, 2025, for the form of answers.
 
 use axum::body::Body;
 use axum::http::{HeaderMap, HeaderName, HeaderValue, StatusCode, header};
 use axum::response::Response;
 use serde_json::json;
 
+use super::omf_answer::OmfAnswer;
 use crate::api::error::{Kind, Problem};
 
 /// The version that agents are told, whose protocol is spoken.
@@ -39,6 +40,8 @@ pub(in crate::api) enum Protocol {
     Influx1,
     /// InfluxDB 2: `POST /api/v2/write`.
     Influx2,
+    /// The Open Message Format: `POST /omf` and `POST /omf/{name}`.
+    Omf,
 }
 
 impl Protocol {
@@ -47,6 +50,8 @@ impl Protocol {
         match path {
             "/write" => Some(Self::Influx1),
             "/api/v2/write" => Some(Self::Influx2),
+            "/omf" => Some(Self::Omf),
+            path if path.starts_with("/omf/") => Some(Self::Omf),
             _ => None,
         }
     }
@@ -57,6 +62,7 @@ impl Protocol {
         let detail = match self {
             Self::Influx1 => format!("database not found: \"{name}\""),
             Self::Influx2 => format!("bucket \"{name}\" not found"),
+            Self::Omf => format!("there is no mapping called \"{name}\""),
         };
         Problem::new(Kind::NotFound, detail)
     }
@@ -73,6 +79,7 @@ impl Protocol {
         let body = match self {
             Self::Influx1 => json!({ "error": message }),
             Self::Influx2 => json!({ "code": code(status), "message": message }),
+            Self::Omf => json!(OmfAnswer::refusal(status, message.clone())),
         };
         let mut response = Response::new(Body::from(format!("{body}\n")));
         *response.status_mut() = status;
@@ -90,8 +97,9 @@ impl Protocol {
             Self::Influx2 => {
                 answered.insert(CODE_HEADER, HeaderValue::from_static(code(status)));
             }
+            Self::Omf => {}
         }
-        if status == StatusCode::UNAUTHORIZED && self == Self::Influx1 {
+        if status == StatusCode::UNAUTHORIZED && self != Self::Influx2 {
             let basic = HeaderValue::from_static("Basic realm=\"greybox\"");
             answered.insert(header::WWW_AUTHENTICATE, basic);
         }
@@ -106,7 +114,9 @@ impl Protocol {
             };
             answered.insert(header::RETRY_AFTER, HeaderValue::from(seconds));
         }
-        name_version(answered);
+        if self != Self::Omf {
+            name_version(answered);
+        }
         response
     }
 
@@ -115,7 +125,7 @@ impl Protocol {
         match kind {
             Kind::Invalid | Kind::KeyReused | Kind::WrongState => StatusCode::BAD_REQUEST,
             Kind::RequestTimeout | Kind::NoRoom => StatusCode::SERVICE_UNAVAILABLE,
-            Kind::TooMany | Kind::Quota if self == Self::Influx1 => StatusCode::SERVICE_UNAVAILABLE,
+            Kind::TooMany | Kind::Quota if self != Self::Influx2 => StatusCode::SERVICE_UNAVAILABLE,
             kind => kind.status(),
         }
     }
@@ -162,7 +172,11 @@ mod tests {
             (Kind::Busy, 503, 503),
             (Kind::Internal, 500, 500),
         ] {
-            for (protocol, status) in [(Protocol::Influx1, first), (Protocol::Influx2, second)] {
+            for (protocol, status) in [
+                (Protocol::Influx1, first),
+                (Protocol::Influx2, second),
+                (Protocol::Omf, first),
+            ] {
                 let refusal = protocol.refusal(Problem::new(kind, "why\nso"));
                 assert_eq!(refusal.status(), status, "{kind:?}");
                 let comes_again = matches!(status, 429 | 503);

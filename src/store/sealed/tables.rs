@@ -348,6 +348,14 @@ pub(in crate::store) const UNMAPPED_SERIES: Sealed = Sealed {
     seal: "seal",
 };
 
+pub(in crate::store) const OMF_DEFINITIONS: Sealed = Sealed {
+    what: "definition",
+    table: "omf_definitions",
+    key: &[Text("project"), Text("mapping"), Text("kind"), Text("id")],
+    content: &[Text("definition")],
+    seal: "seal",
+};
+
 /// What of a token changes.
 pub(in crate::store) const TOKEN_STATES: Sealed = Sealed {
     what: "state",
@@ -455,7 +463,7 @@ const LASTING: [&Sealed; 18] = [
 ];
 
 /// The tables that are sealed at the end of each transaction.
-pub(in crate::store) const CHANGING: [&Sealed; 21] = [
+pub(in crate::store) const CHANGING: [&Sealed; 22] = [
     &JOB_STATES,
     &JOB_LABELS,
     &JOB_DATASETS,
@@ -471,6 +479,7 @@ pub(in crate::store) const CHANGING: [&Sealed; 21] = [
     &MONITOR_WINDOW_JOBS,
     &MAPPINGS,
     &UNMAPPED_SERIES,
+    &OMF_DEFINITIONS,
     &TOKEN_STATES,
     &SESSIONS,
     &PROJECT_DAYS,

@@ -152,7 +152,7 @@ impl SignalColumn {
 
     /// Gives it the unit that `text` names.
     pub(super) fn set_unit(&mut self, text: &str) -> Result<(), String> {
-        let unit = units::parse(text).ok_or_else(|| units::unknown(text))?;
+        let unit = units::parse(text).ok_or_else(|| units::unknown(text, units::UNITS_OPTION))?;
         self.unit = unit;
         text.clone_into(&mut self.recorded_unit);
         Ok(())

@@ -3,17 +3,12 @@
 //! The instant of a line is optional there, and needed here. In a recording times are nanoseconds unless
 //! their size or `time_unit` says otherwise; what agents write (`written`) says its precision beside.
 
-mod mapping;
 mod point;
 mod reader;
 mod written;
 
-pub use mapping::{MappedSignal, Mapping, MappingRule};
 pub use point::LineFault;
-pub use written::{
-    LastValue, MAX_UNMAPPED, Precision, RefusedLines, StreamBatch, UnmappedSeries, WrittenLines,
-    written,
-};
+pub use written::{Precision, written};
 
 use super::cell::Cell;
 use super::clock::Clock;

@@ -168,7 +168,7 @@ impl Options {
                     .values()
                     .find(|unit| units::parse(unit).is_none());
                 if let Some(unit) = unknown {
-                    return Err(units::unknown(unit));
+                    return Err(units::unknown(unit, units::UNITS_OPTION));
                 }
             }
             "rename" => self.rename = pairs(text)?,

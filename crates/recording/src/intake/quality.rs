@@ -67,7 +67,7 @@ impl Scheme {
             Cell::Bool(good) => return Some(if *good { Class::Good } else { Class::Bad }),
             Cell::Integer(code) => *code,
             Cell::Number(code) if code.fract() == 0.0 => *code as i64,
-            Cell::Text(text) => text.trim().parse().ok()?,
+            Cell::Text(text) => code_in(text.trim())?,
             _ => return None,
         };
         self.class_of(code)
@@ -117,6 +117,18 @@ impl Scheme {
     }
 }
 
+/// A code that is written as a number, or in hexadecimal digits behind its name, as Telegraf writes those of OPC UA:
+/// `OK (0x0)`.
+fn code_in(text: &str) -> Option<i64> {
+    let named = text
+        .strip_suffix(')')
+        .and_then(|text| text.rsplit_once("(0x"));
+    match named {
+        Some((_, digits)) => i64::from_str_radix(digits, 16).ok(),
+        None => text.parse().ok(),
+    }
+}
+
 /// Words mean the same wherever they stand.
 fn word(text: &str) -> Option<Class> {
     match text.trim().to_ascii_lowercase().as_str() {
@@ -162,6 +174,9 @@ mod tests {
             );
         }
         assert_eq!(Scheme::OpcDa.class(&Cell::Text("Good")), Some(Good));
+        let timeout = Cell::Text("BadTimeout (0x800A0000)");
+        assert_eq!(Scheme::OpcUa.class(&timeout), Some(Bad));
+        assert_eq!(Scheme::OpcUa.class(&Cell::Text("OK (0x0)")), Some(Good));
         assert_eq!(Scheme::Words.class(&Cell::Integer(0)), None);
         assert_eq!(Scheme::OpcDa.class(&Cell::Text("x")), None);
     }

@@ -108,21 +108,21 @@ pub fn parse_time(text: &str) -> Option<RecordedUnit> {
     parse(unit).filter(|unit| unit.si == "s")
 }
 
-/// That a unit is not known, with the one that may have been meant.
+/// What a sender of a recording can do whose unit is not known.
+pub(super) const UNITS_OPTION: &str = "say which with `units`, such as `units=name:unit`";
+
+/// That a unit is not known, with the one that may have been meant and the remedy.
 #[must_use]
-pub fn unknown(text: &str) -> String {
+pub fn unknown(text: &str, remedy: &str) -> String {
     let names = TABLE.iter().flat_map(|row| row.names.split(' '));
     if may_be_two(text) {
         let other = of_any_case(text).and_then(|row| row.names.split(' ').next());
         let other = other.map_or_else(String::new, |other| format!(" or `{other}`"));
-        return format!(
-            "unit `{text}` may be what its letters say{other}: say which with `units`, such as \
-             `units=name:unit`"
-        );
+        return format!("unit `{text}` may be what its letters say{other}: {remedy}");
     }
     let hint = did_you_mean(text, names);
     let text = super::error::excerpt(text);
-    format!("unit `{text}` is not known{hint}; say another with `units`")
+    format!("unit `{text}` is not known{hint}: {remedy}")
 }
 
 /// The first name of every unit of time, for messages.

@@ -242,7 +242,7 @@ impl Document {
             let recorded_unit = column.unit.unwrap_or_default();
             let unit = units::parse(&recorded_unit);
             if unit.is_none() {
-                let detail = units::unknown(&recorded_unit);
+                let detail = units::unknown(&recorded_unit, units::UNITS_OPTION);
                 self.faults
                     .invalid(fault("unknown_unit", format!("{pointer}/unit"), &detail));
             }

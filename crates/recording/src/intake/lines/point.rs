@@ -4,6 +4,7 @@
 //! of a tag and in the key of a field, and `"` or a backslash within a text. Quotes begin and end a text in
 //! the value of a field alone. Source: InfluxData, *Line protocol reference*, InfluxDB 1.8 and 2.7.
 
+use crate::intake::spread::FieldValue;
 use std::borrow::Cow;
 use std::collections::BTreeMap;
 
@@ -237,40 +238,29 @@ impl FieldEnds {
     }
 }
 
-/// The value of a field.
-#[derive(Clone, Debug, PartialEq)]
-pub(super) enum FieldValue<'t> {
-    /// A number, with a fraction or without.
-    Number(f64),
-    /// True or false.
-    Boolean(bool),
-    /// A text without its quotes.
-    Text(Cow<'t, str>),
-}
-
-impl<'t> FieldValue<'t> {
-    /// The value that is written.
-    pub(super) fn parse(text: &'t str) -> Result<Self, LineFault> {
-        if let Some(rest) = text.strip_prefix('"') {
-            let inner = rest.strip_suffix('"').ok_or(LineFault::InvalidNumber)?;
-            return Ok(Self::Text(unescaped(inner, b"\"\\")));
-        }
-        match text {
-            "t" | "T" | "true" | "True" | "TRUE" => return Ok(Self::Boolean(true)),
-            "f" | "F" | "false" | "False" | "FALSE" => return Ok(Self::Boolean(false)),
-            _ => {}
-        }
-        let number = if let Some(digits) = text.strip_suffix('i') {
-            digits.parse::<i64>().ok().map(|whole| whole as f64)
-        } else if let Some(digits) = text.strip_suffix('u') {
-            digits.parse::<u64>().ok().map(|whole| whole as f64)
-        } else {
-            let is_numeric = |byte: u8| byte.is_ascii_digit() || b"+-.eE".contains(&byte);
-            let number = text.bytes().all(is_numeric).then(|| text.parse().ok());
-            number.flatten().filter(|number: &f64| number.is_finite())
-        };
-        number.map(Self::Number).ok_or(LineFault::InvalidNumber)
+/// The value of a field that is written so.
+pub(super) fn field_value(text: &str) -> Result<FieldValue<'_>, LineFault> {
+    if let Some(rest) = text.strip_prefix('"') {
+        let inner = rest.strip_suffix('"').ok_or(LineFault::InvalidNumber)?;
+        return Ok(FieldValue::Text(unescaped(inner, b"\"\\")));
     }
+    match text {
+        "t" | "T" | "true" | "True" | "TRUE" => return Ok(FieldValue::Boolean(true)),
+        "f" | "F" | "false" | "False" | "FALSE" => return Ok(FieldValue::Boolean(false)),
+        _ => {}
+    }
+    let number = if let Some(digits) = text.strip_suffix('i') {
+        digits.parse::<i64>().ok().map(|whole| whole as f64)
+    } else if let Some(digits) = text.strip_suffix('u') {
+        digits.parse::<u64>().ok().map(|whole| whole as f64)
+    } else {
+        let is_numeric = |byte: u8| byte.is_ascii_digit() || b"+-.eE".contains(&byte);
+        let number = text.bytes().all(is_numeric).then(|| text.parse().ok());
+        number.flatten().filter(|number: &f64| number.is_finite())
+    };
+    number
+        .map(FieldValue::Number)
+        .ok_or(LineFault::InvalidNumber)
 }
 
 /// Parts between separators that are not escaped.
@@ -331,7 +321,7 @@ mod tests {
         let expected = expected.map(|(name, value)| (name.to_owned(), value));
         assert_eq!(fields(&point), expected);
         assert_eq!(point.stamp, "1465839830100400200");
-        let text = FieldValue::parse(fields(&point)[1].1).unwrap();
+        let text = field_value(fields(&point)[1].1).unwrap();
         assert_eq!(text, FieldValue::Text("a, b=c \"d\"".into()));
     }
 
@@ -357,7 +347,7 @@ mod tests {
 
     #[test]
     fn values_are_numbers_truths_and_texts() {
-        let number = |text| FieldValue::parse(text).unwrap();
+        let number = |text| field_value(text).unwrap();
         for (text, expected) in [
             ("1", 1.0),
             ("-0.25", -0.25),
@@ -372,11 +362,7 @@ mod tests {
         assert_eq!(number("True"), FieldValue::Boolean(true));
         assert_eq!(number("f"), FieldValue::Boolean(false));
         for text in ["NaN", "inf", "1e999", "-1u", "1.5i", "on", "\"a", "1_000"] {
-            assert_eq!(
-                FieldValue::parse(text),
-                Err(LineFault::InvalidNumber),
-                "{text}"
-            );
+            assert_eq!(field_value(text), Err(LineFault::InvalidNumber), "{text}");
         }
     }
 }

@@ -102,11 +102,14 @@ fn plants_spellings_are_understood() {
     assert!(parse("mw").is_none(), "milliwatt or megawatt");
     for text in ["mPa", "MV", "MA", "Mm", "M", "T", "G", "Grad"] {
         assert!(parse(text).is_none(), "{text}");
-        assert!(unknown(text).contains("say which with `units`"), "{text}");
+        assert!(
+            unknown(text, UNITS_OPTION).contains("say which with `units`"),
+            "{text}"
+        );
     }
-    assert!(unknown("mPa").contains("`MPa`"));
-    assert!(unknown("degCC").contains("did you mean `degC`"));
-    assert!(!unknown("parsec").contains("mbar"));
+    assert!(unknown("mPa", UNITS_OPTION).contains("`MPa`"));
+    assert!(unknown("degCC", UNITS_OPTION).contains("did you mean `degC`"));
+    assert!(!unknown("parsec", UNITS_OPTION).contains("mbar"));
 }
 
 #[test]

@@ -1,7 +1,8 @@
 //! What lines come to under a mapping: instants, values, refusals, and series without a rule.
 
 use super::*;
-use crate::intake::lines::{MappedSignal, MappingRule};
+use crate::Class;
+use crate::intake::spread::{LastValue, MAX_UNMAPPED, MappedQuality, MappedSignal, MappingRule};
 
 const STAMP: i64 = 1_465_839_830_100_400_207;
 
@@ -21,6 +22,7 @@ fn rule(hall: &str, stream: &str, signals: &[(&str, &str, &str)]) -> MappingRule
         tags: [("hall".to_owned(), hall.to_owned())].into(),
         stream: stream.to_owned(),
         signals: signals.collect(),
+        quality: None,
     }
 }
 
@@ -34,11 +36,11 @@ fn mapping() -> Mapping {
     }
 }
 
-fn write(text: &str) -> WrittenLines {
+fn write(text: &str) -> WrittenSamples {
     write_in(text, "ns")
 }
 
-fn write_in(text: &str, precision: &str) -> WrittenLines {
+fn write_in(text: &str, precision: &str) -> WrittenSamples {
     let precision = Precision::named(precision).unwrap();
     written(text.as_bytes(), &mapping(), precision, i64::MAX).unwrap()
 }
@@ -55,7 +57,7 @@ fn each_sample_lands_in_its_stream_with_its_own_instant_and_value() {
     let [four, five] = &written.batches[..] else {
         panic!("two streams: {written:?}");
     };
-    assert_eq!((four.stream.as_str(), four.lines), ("rig-4", 3));
+    assert_eq!((four.stream.as_str(), four.points), ("rig-4", 3));
     assert_eq!(four.batch.rows.instants, [STAMP, STAMP + 1]);
     let names: Vec<&str> = four
         .batch
@@ -72,7 +74,7 @@ fn each_sample_lands_in_its_stream_with_its_own_instant_and_value() {
         (five.stream.as_str(), five.batch.rows.columns[0].values[0]),
         ("rig-5", 0.25)
     );
-    assert_eq!((written.taken, written.refused.lines), (4, 0));
+    assert_eq!((written.taken, written.refused.points), (4, 0));
 }
 
 #[test]
@@ -107,7 +109,7 @@ fn a_line_that_is_wrong_keeps_no_other_line_out() {
          rig,hall=2 position=4,open=f {STAMP}\nrig,hall=2 open=t,position=1e999 {STAMP}\n"
     );
     let written = write(&text);
-    assert_eq!((written.taken, written.refused.lines), (1, 4));
+    assert_eq!((written.taken, written.refused.points), (1, 4));
     let told = written.refused.told.join("\n");
     for sentence in [
         "unable to parse 'rig,hall=2 position=1': missing timestamp",
@@ -133,7 +135,7 @@ fn a_stamp_ahead_of_the_clock_is_refused_with_its_line() {
     );
     let precision = Precision::NANOSECONDS;
     let written = written(text.as_bytes(), &mapping(), precision, STAMP + 1).unwrap();
-    assert_eq!((written.taken, written.refused.lines), (1, 1));
+    assert_eq!((written.taken, written.refused.points), (1, 1));
     assert_eq!(written.batches[0].batch.rows.instants, [STAMP]);
 }
 
@@ -193,4 +195,37 @@ fn samples_that_would_take_too_much_memory_are_refused() {
     let refused = written(text.as_bytes(), &mapping, Precision::NANOSECONDS, i64::MAX);
     let told = refused.unwrap_err().to_string();
     assert!(told.contains("1000 signals at 10000 instants"), "{told}");
+}
+
+#[test]
+fn a_field_may_say_how_good_the_others_of_its_line_are() {
+    let mut mapping = mapping();
+    mapping.rules[0].quality = Some(MappedQuality {
+        fields: vec!["Quality".to_owned(), "trusted".to_owned()],
+        codes: Some("opc_ua".to_owned()),
+    });
+    let text = "rig,hall=2 Quality=\"OK (0x0)\",position=1 1\n\
+                rig,hall=2 position=2,Quality=\"BadTimeout (0x800A0000)\" 2\n\
+                rig,hall=2 position=3,Quality=0i,trusted=f 3\n\
+                rig,hall=2 position=4,Quality=\"?\" 4\nrig,hall=3 position=5,Quality=0 5\n";
+    let written = written(text.as_bytes(), &mapping, Precision::NANOSECONDS, i64::MAX).unwrap();
+    let column = &written.batches[0].batch.rows.columns[0];
+    assert_eq!(column.classes, [Class::Good, Class::Bad, Class::Bad]);
+    assert_eq!((column.values[0], column.values[1].is_nan()), (1e-3, true));
+    assert_eq!((written.taken, written.refused.points), (4, 1));
+    assert!(
+        written.refused.told[0].contains("`quality.codes`"),
+        "{:?}",
+        written.refused
+    );
+    let unmapped: Vec<&str> = written
+        .unmapped
+        .iter()
+        .map(|series| series.field.as_str())
+        .collect();
+    assert_eq!(
+        unmapped,
+        ["Quality"],
+        "the rule of the third hall says nothing of quality"
+    );
 }

@@ -35,6 +35,26 @@ pub struct MappingRule {
     /// The signals, by the fields of the lines. Fields that are not named here are not of this rule.
     #[schema(example = json!({"position": {"signal": "position", "unit": "mm"}}))]
     pub signals: BTreeMap<String, MappedSignal>,
+    /// How the lines say that a value is good; left out, all values are.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    #[schema(nullable = false)]
+    pub quality: Option<MappedQuality>,
+}
+
+/// Which fields of a line say how good its other fields are.
+#[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, Deserialize, ToSchema)]
+#[serde(deny_unknown_fields)]
+pub struct MappedQuality {
+    /// The fields; the worst of them counts. For OMF they are the properties with `isquality` where they are left out.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    #[schema(required = false, max_items = 10, example = json!(["Quality"]))]
+    pub fields: Vec<String>,
+    /// What the codes mean: `opc_da`, `opc_ua`, `aveva_quality`, `aveva_quality_detail`, `ignition`,
+    /// `ignition_legacy`, `cognite` or `words`; words such as `Good` mean the same in all of them, and left out, only words
+    /// are read.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    #[schema(nullable = false, example = "opc_ua")]
+    pub codes: Option<String>,
 }
 
 /// The signal that a field belongs to.
@@ -44,11 +64,12 @@ pub struct MappedSignal {
     /// The name of the signal in the stream.
     #[schema(example = "position")]
     pub signal: String,
-    /// The unit of the field's values; they are SI where it is left out.
+    /// The unit of the field's values. Where it is left out, it is what an OMF container declares, and else SI.
     #[serde(default)]
     #[schema(required = false, example = "mm")]
     pub unit: String,
-    /// How the signal goes on between samples; left out, the stream decides.
+    /// How the signal goes on between samples. Left out, it is what an OMF container declares, and else the stream
+    /// decides.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     #[schema(nullable = false)]
     pub interpolation: Option<Interpolation>,

@@ -1,7 +1,7 @@
 //! Series that no rule names: seen, listed, and not taken.
 
+use super::point::FieldValue;
 use super::routes::Route;
-use crate::intake::lines::point::FieldValue;
 use serde::{Deserialize, Serialize};
 use std::collections::{BTreeMap, HashMap};
 use utoipa::ToSchema;
@@ -52,7 +52,7 @@ impl LastValue {
     }
 }
 
-/// The series of a text of lines that no rule names.
+/// The series of a body that no rule names.
 #[derive(Default)]
 pub(super) struct UnmappedList {
     series: Vec<UnmappedSeries>,

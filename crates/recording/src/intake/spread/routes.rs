@@ -1,8 +1,8 @@
 //! Which rules fit a series; looked up once for each way in which a series is written.
 
+use super::mapping::{Mapping, MappingRule};
 use crate::RowSignal;
-use crate::intake::lines::mapping::{Mapping, MappingRule};
-use crate::intake::lines::point::{LineFault, ProtocolLine};
+use crate::intake::quality::Scheme;
 use crate::intake::units::{self, RecordedUnit};
 use std::collections::{BTreeMap, HashMap};
 use std::rc::Rc;
@@ -22,6 +22,8 @@ struct RuleRoute<'m> {
     rule: &'m MappingRule,
     /// The signals by the names of the fields.
     fields: HashMap<&'m str, FieldRoute>,
+    /// What the codes of quality mean.
+    scheme: Scheme,
 }
 
 /// Where the values of a field go.
@@ -30,16 +32,18 @@ pub(super) struct FieldRoute {
     /// The place of the rule.
     pub(super) rule: usize,
     /// The place of the signal among those of the stream.
-    pub(super) signal: usize,
+    pub(super) signal: u32,
     pub(super) unit: RecordedUnit,
 }
 
 /// A series and the rules that fit it.
 #[derive(Debug, Default)]
-pub(super) struct Route {
+pub(in crate::intake) struct Route {
     pub(super) measurement: String,
     pub(super) tags: BTreeMap<String, String>,
     rules: Vec<usize>,
+    /// Those of the rules that say how good values are.
+    rules_with_quality: Vec<usize>,
 }
 
 impl<'m> Routes<'m> {
@@ -47,7 +51,7 @@ impl<'m> Routes<'m> {
     /// have no signal.
     pub(super) fn new(
         mapping: &'m Mapping,
-        mut place: impl FnMut(&'m MappingRule, RowSignal) -> usize,
+        mut place: impl FnMut(&'m MappingRule, RowSignal) -> u32,
     ) -> Self {
         let mut by_measurement: HashMap<&str, Vec<usize>> = HashMap::new();
         let mut rules = Vec::with_capacity(mapping.rules.len());
@@ -70,7 +74,13 @@ impl<'m> Routes<'m> {
                 Some((field.as_str(), route))
             });
             let fields = fields.collect();
-            rules.push(RuleRoute { rule, fields });
+            let codes = rule.quality.as_ref();
+            let codes = codes.and_then(|quality| Scheme::named(quality.codes.as_deref()?).ok());
+            rules.push(RuleRoute {
+                rule,
+                fields,
+                scheme: codes.unwrap_or(Scheme::Words),
+            });
         }
         Self {
             rules,
@@ -79,33 +89,32 @@ impl<'m> Routes<'m> {
         }
     }
 
-    /// The route of a line's series.
-    pub(super) fn of(&mut self, point: &ProtocolLine<'_>) -> Result<Rc<Route>, LineFault> {
-        if let Some(route) = self.remembered.get(point.series) {
+    /// The route of a series, which `parts` takes apart where it is new.
+    pub(super) fn of<E>(
+        &mut self,
+        series: &str,
+        parts: impl FnOnce() -> Result<(String, BTreeMap<String, String>), E>,
+    ) -> Result<Rc<Route>, E> {
+        if let Some(route) = self.remembered.get(series) {
             return Ok(Rc::clone(route));
         }
-        let measurement = point.measurement();
-        let tags = point.tags()?;
-        let has = |(key, value): (&String, &String)| {
-            tags.get(key.as_str())
-                .is_some_and(|tag| tag == value.as_str())
-        };
-        let rules = self.by_measurement.get(&*measurement);
+        let (measurement, tags) = parts()?;
+        let has = |(key, value): (&String, &String)| tags.get(key) == Some(value);
+        let rules = self.by_measurement.get(measurement.as_str());
         let rules = rules.into_iter().flatten().copied();
         let rules = rules.filter(|k| self.rules[*k].rule.tags.iter().all(has));
+        let rules: Vec<usize> = rules.collect();
+        let has_quality = |k: &&usize| self.rules[**k].rule.quality.is_some();
         let route = Rc::new(Route {
-            rules: rules.collect(),
-            measurement: measurement.into_owned(),
-            tags: tags
-                .iter()
-                .map(|(key, value)| (key.to_string(), value.to_string()))
-                .collect(),
+            rules_with_quality: rules.iter().filter(has_quality).copied().collect(),
+            rules,
+            measurement,
+            tags,
         });
         if self.remembered.len() >= REMEMBERED {
             self.remembered.clear();
         }
-        self.remembered
-            .insert(point.series.to_owned(), Rc::clone(&route));
+        self.remembered.insert(series.to_owned(), Rc::clone(&route));
         Ok(route)
     }
 
@@ -113,6 +122,23 @@ impl<'m> Routes<'m> {
     pub(super) fn field(&self, route: &Route, name: &str) -> Option<FieldRoute> {
         let mut rules = route.rules.iter();
         rules.find_map(|k| self.rules[*k].fields.get(name).cloned())
+    }
+
+    /// The rules that take a field of a series for one that says how good the others are, and what its codes mean.
+    pub(super) fn quality<'r>(
+        &'r self,
+        route: &'r Route,
+        name: &'r str,
+    ) -> impl Iterator<Item = (usize, Scheme)> + 'r {
+        let rules = route.rules_with_quality.iter().copied();
+        rules.filter_map(move |k| {
+            let RuleRoute { rule, scheme, .. } = &self.rules[k];
+            let fields = &rule.quality.as_ref()?.fields;
+            fields
+                .iter()
+                .any(|field| field == name)
+                .then_some((k, *scheme))
+        })
     }
 
     /// The stream of a rule.
