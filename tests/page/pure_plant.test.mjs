@@ -8,6 +8,7 @@ import test from "node:test";
 process.env.TZ = "Europe/Berlin";
 const part = (name) => import(new URL(`../../src/dashboard/assets/${name}`, import.meta.url));
 const { isoText, READER } = await part("plot/clock.js");
+const { pause } = await part("shell/api.js");
 const { duration, size } = await part("shell/format.js");
 const { fieldSeconds, fieldText, isoAfter, isoBefore, secondsOf, wholeOf } = await part("plant/instants.js");
 const { columnOf, pointsFor, summaryOf } = await part("plant/samples.js");
@@ -234,4 +235,8 @@ test("entries of the audit log are searched by every word, by method and by outc
   assert.equal(count({ outcome: "refused" }), 1);
   assert.equal(count({ outcome: "done", text: "jobs" }), 1);
   assert.equal(methodText("COMMAND"), "a command");
+});
+
+test("nobody waits for a view that was left", async () => {
+  await assert.rejects(pause(0, AbortSignal.abort()), { name: "AbortError" });
 });
