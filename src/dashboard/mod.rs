@@ -132,9 +132,9 @@ fn embedded() -> impl IntoIterator<Item = Asset> { assets! {
         "parameters.js" "picture.js" "signals.js" "simulation.js" "sliders.js" "trial.js";
     "new": "draft.js" "fields.js" "job.css" "job.js" "measurement.js" "model.js" "parameters.js" "preflight.js"
         "recordings.js" "search.js" "trial.js";
-    "plant": "access.js" "audit.js" "entries.js" "fields.js" "find.js" "head.js" "instants.js" "monitor.js" "monitors.js"
-        "paged.js" "part.js" "plan.js" "plant.css" "samples.js" "starts.js" "stream.js" "streams.js" "trend.js" "watch.js"
-        "webhooks.js" "windows.js";
+    "plant": "access.js" "agents.js" "audit.js" "entries.js" "fields.js" "find.js" "head.js" "instants.js" "mapping.js"
+        "monitor.js" "monitors.js" "paged.js" "part.js" "places.js" "plan.js" "plant.css" "rules.js" "samples.js"
+        "starts.js" "stream.js" "streams.js" "trend.js" "watch.js" "webhooks.js" "windows.js";
     "plot": "axes.js" "clock.js" "group.js" "math.js" "plot.css" "plot.js" "save.js" "theme.js" "units.js"
         "whiskers.js";
     "shell": "api.js" "description.js" "dom.js" "format.js" "icon.svg" "main.js" "prepared.js" "session.js"

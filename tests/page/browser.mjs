@@ -55,6 +55,19 @@ export const text = (page, selector) => page.$eval(selector, (element) => elemen
 export const says = (page, words) =>
   page.waitForFunction((text) => document.body.innerText.includes(text), PATIENCE, words);
 
+// Presses what the words name.
+export async function press(page, words) {
+  const selector = `::-p-xpath(//*[self::a or self::button or self::summary][contains(., '${words}')])`;
+  await (await page.waitForSelector(selector, { ...PATIENCE, visible: true })).click();
+}
+
+// Waits for the field whose label has the words.
+export const labelled = (page, words) =>
+  page.waitForSelector(`::-p-xpath(//label[contains(., '${words}')]//*[self::input or self::select])`, {
+    ...PATIENCE,
+    visible: true,
+  });
+
 export const specification = (page) =>
   page.$eval("#panel-json .editor", (editor) => JSON.parse(editor.getText()));
 

@@ -6,7 +6,20 @@
 
 import assert from "node:assert/strict";
 import { after, before, test } from "node:test";
-import { faultsOf, launch, open, PATIENCE, picture, SIZES, says, text, tools } from "./browser.mjs";
+import { mappingWithSeries, placesOfSeries } from "./agents.mjs";
+import {
+  faultsOf,
+  labelled,
+  launch,
+  open,
+  PATIENCE,
+  picture,
+  press,
+  SIZES,
+  says,
+  text,
+  tools,
+} from "./browser.mjs";
 import { base, ended, JOB, post, recording } from "./server.mjs";
 
 const skip = base && tools ? false : "GREYBOX_URL and PAGE_TOOLS are not set";
@@ -56,11 +69,6 @@ before(async () => {
 
 after(() => shared.browser?.close());
 
-async function press(page, words) {
-  const selector = `::-p-xpath(//*[self::a or self::button or self::summary][contains(., '${words}')])`;
-  await (await page.waitForSelector(selector, { ...PATIENCE, visible: true })).click();
-}
-
 // Sets a field of an instant to a time of the stream.
 const setInstant = async (page, words, seconds) =>
   (await labelled(page, words)).evaluate(
@@ -71,12 +79,6 @@ const setInstant = async (page, words, seconds) =>
     },
     shared.begin + 1000 * seconds,
   );
-
-const labelled = (page, words) =>
-  page.waitForSelector(`::-p-xpath(//label[contains(., '${words}')]//*[self::input or self::select])`, {
-    ...PATIENCE,
-    visible: true,
-  });
 
 test("a stream is looked at in parts, cut, and samples are taken out of it", { skip }, async () => {
   const page = await open("/#/plant/streams");
@@ -351,6 +353,12 @@ test("a webhook is made, shows its secret once and what becomes of deliveries, a
   await page.close();
 });
 
+test(
+  "series of an agent get places in a mapping, and their samples go to the streams",
+  { skip },
+  placesOfSeries,
+);
+
 test("the audit log shows a refusal and is searched", { skip }, async () => {
   const refused = await fetch(`${base}/v1/webhooks`, {
     method: "POST",
@@ -376,6 +384,7 @@ test("the audit log shows a refusal and is searched", { skip }, async () => {
 
 test("every page about the plant is accessible, fits its width and makes no fault", { skip }, async () => {
   const { id: webhook } = await post("/v1/webhooks", { url: RECEIVER });
+  const mapping = await mappingWithSeries();
   const pages = {
     monitors: "/#/plant",
     monitor: `/#/plant/monitors/${shared.monitor}`,
@@ -383,6 +392,8 @@ test("every page about the plant is accessible, fits its width and makes no faul
     find_windows: `/#/plant/windows/new?job=${shared.job}&stream=${shared.stream}`,
     find_windows_again: `/#/plant/windows/new?selection=${shared.selection}`,
     selection: `/#/jobs/${shared.selection}`,
+    agents: "/#/plant/agents",
+    mapping: `/#/plant/agents/${mapping}`,
     streams: "/#/plant/streams",
     stream: `/#/plant/streams/${shared.stream}`,
     webhooks: "/#/plant/webhooks",
@@ -397,6 +408,7 @@ test("every page about the plant is accessible, fits its width and makes no faul
     }
   }
   await fetch(`${base}/v1/webhooks/${webhook}`, { method: "DELETE" });
+  await fetch(`${base}/v1/mappings/${mapping}`, { method: "DELETE" });
   assert.deepEqual(faults, []);
 });
 

@@ -8,12 +8,15 @@ import test from "node:test";
 process.env.TZ = "Europe/Berlin";
 const part = (name) => import(new URL(`../../src/dashboard/assets/${name}`, import.meta.url));
 const { isoText, READER } = await part("plot/clock.js");
+const { pause } = await part("shell/api.js");
 const { duration, size } = await part("shell/format.js");
 const { fieldSeconds, fieldText, isoAfter, isoBefore, secondsOf, wholeOf } = await part("plant/instants.js");
 const { columnOf, pointsFor, summaryOf } = await part("plant/samples.js");
 const { alarmSpans, mergedWindows, parametersOf, rangeOfWindows, trendOf } = await part("plant/trend.js");
 const { driftWith, likeMonitor, missingParts, searchedNames, signalsIn, templateOf } =
   await part("plant/plan.js");
+const { faultsInForm, formOf, isNamed, nameFaults, ruleText, rulesOf, streamName, textOf, withPlaces } =
+  await part("plant/places.js");
 const { matchingEntries, methodText } = await part("plant/entries.js");
 
 const NOON = secondsOf("2026-03-02T11:00:00Z");
@@ -234,4 +237,94 @@ test("entries of the audit log are searched by every word, by method and by outc
   assert.equal(count({ outcome: "refused" }), 1);
   assert.equal(count({ outcome: "done", text: "jobs" }), 1);
   assert.equal(methodText("COMMAND"), "a command");
+});
+
+test("nobody waits for a view that was left", async () => {
+  await assert.rejects(pause(0, AbortSignal.abort()), { name: "AbortError" });
+});
+
+const SERIES = [
+  { measurement: "rig", tags: { hall: "2", line: "a" }, field: "position", last_value: 101.2 },
+  { measurement: "rig", tags: { hall: "2", line: "a" }, field: "on", last_value: true },
+  { measurement: "rig", tags: { hall: "2", line: "a" }, field: "state", last_value: "idle" },
+  { measurement: "rig", tags: { hall: "2" }, field: "position", last_value: 3 },
+];
+
+test("series that no rule names get places, those of the same measurement and tags in the same rule", () => {
+  const rules = withPlaces([], SERIES);
+  assert.deepEqual(rulesOf(rules), [
+    {
+      measurement: "rig",
+      tags: { hall: "2", line: "a" },
+      stream: "rig-2-a",
+      signals: { position: { signal: "position" }, on: { signal: "on" } },
+    },
+    {
+      measurement: "rig",
+      tags: { hall: "2" },
+      stream: "rig-2",
+      signals: { position: { signal: "position" } },
+    },
+  ]);
+  assert.equal(ruleText(rules[0]), "rig, hall=2, line=a → rig-2-a: position, on");
+  assert.equal(withPlaces(rules, SERIES), rules, "a series with a place gets no further one");
+  assert.ok(!isNamed(rules, SERIES[2]), "a stream has no texts");
+  assert.ok(
+    isNamed(formOf([{ measurement: "rig", stream: "s", signals: { on: { signal: "on" } } }]), SERIES[1]),
+  );
+});
+
+test("a place leaves the streams and signals of other series alone", () => {
+  const [rule] = withPlaces([], [SERIES[3]]);
+  const renamed = [{ ...rule, fields: [{ field: "position", signal: "speed" }] }];
+  const [extended] = withPlaces(renamed, [{ ...SERIES[3], field: "speed" }]);
+  assert.deepEqual(
+    extended.fields.map(({ signal }) => signal),
+    ["speed", "speed-2"],
+  );
+  const alike = withPlaces([rule], [{ measurement: "rig", tags: { line: "2" }, field: "x" }]);
+  assert.equal(alike[1].stream, "rig-2-2");
+});
+
+test("the name of a stream has the characters that a stream may have", () => {
+  assert.equal(streamName({ measurement: "Öl druck", tags: { at: "hall/2 °C" } }), "Ol_druck-hall_2_C");
+  assert.match(streamName({ measurement: "x".repeat(300), tags: {} }), /^x{100}$/);
+  const long = { measurement: "x".repeat(300), field: "f" };
+  const names = withPlaces(
+    [],
+    [
+      { ...long, tags: { a: "1" } },
+      { ...long, tags: { a: "2" } },
+    ],
+  ).map(({ stream }) => stream);
+  assert.deepEqual(names, ["x".repeat(100), `${"x".repeat(98)}-2`]);
+});
+
+test("the rules of a form are those of the mapping, and faults come to their fields", () => {
+  const stored = [
+    {
+      measurement: "rig",
+      tags: { "a/b": "" },
+      stream: "rig",
+      signals: { on: { signal: "on", unit: "", interpolation: "hold" }, "p~q": { signal: "", unit: "zz" } },
+    },
+  ];
+  const rules = formOf(stored);
+  const [{ signals }] = rulesOf(rules);
+  assert.deepEqual(signals.on, { signal: "on", interpolation: "hold" });
+  assert.equal(textOf(rules), textOf(formOf(rulesOf(rules))));
+  const faults = ["tags/a~1b", "signals/p~0q/unit", "signals/on", "stream"].map((place) => ({
+    pointer: `/rules/0/${place}`,
+    detail: "wrong",
+  }));
+  assert.deepEqual(
+    faultsInForm(rules, faults).map(({ pointer }) => pointer),
+    ["tags/0/value", "fields/1/unit", "fields/0", "stream"].map((place) => `/rules/0/${place}`),
+  );
+  assert.deepEqual(nameFaults(rules), []);
+  const fields = [...rules[0].fields, { field: "on", signal: "x" }, { field: "", signal: "y" }];
+  assert.deepEqual(nameFaults([{ ...rules[0], fields }]), [
+    { pointer: "/rules/0/fields/2/field", detail: "the rule has this field already" },
+    { pointer: "/rules/0/fields/3/field", detail: "the field has no name" },
+  ]);
 });

@@ -6,6 +6,7 @@ import { facts, h, notice, table } from "../shell/dom.js";
 import { plantHead } from "./head.js";
 
 const SCOPES = [
+  ["append", "to append samples to streams, as agents do, and nothing else"],
   ["read", "to look at everything of the project"],
   ["submit", "that, and to store, submit, steer and delete"],
   ["admin", "that, and webhooks and the audit log"],
@@ -13,6 +14,10 @@ const SCOPES = [
 
 const COMMANDS = [
   ["greybox token create --name mes --scope submit --project hall-2", "makes a token and shows it once"],
+  [
+    "greybox token create --name hall-2-telegraf --scope append --streams rig-4,rig-5",
+    "makes a token of an agent, for these streams alone",
+  ],
   ["greybox token list", "shows scope, project, end and last use of each token"],
   ["greybox token revoke mes", "ends a token"],
 ];

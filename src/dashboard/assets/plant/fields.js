@@ -91,6 +91,15 @@ export function placeFaults(form, faults) {
   });
 }
 
+// Shows a failure: faults stand beside their fields in the form, and the notice has what is left.
+export function failBeside(form, outcome, error) {
+  const faults = error.errors ?? [];
+  const unplaced = placeFaults(form, faults);
+  const isPlaced = unplaced.length < faults.length;
+  const message = "What is wrong stands beside the fields.";
+  outcome.fail(isPlaced ? { title: error.title, message, errors: unplaced } : error);
+}
+
 export function choice(title, options, chosen, act) {
   return h(
     "label",

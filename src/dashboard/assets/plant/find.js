@@ -11,7 +11,16 @@ import { get, items, repeatKey, send } from "../shell/api.js";
 import { defaultAt, described } from "../shell/description.js";
 import { h, keepingFocus, notice } from "../shell/dom.js";
 import { count, duration, number, quantity, words } from "../shell/format.js";
-import { choice, instantField, jobText, numberField, part, placeFaults, pointed } from "./fields.js";
+import {
+  choice,
+  failBeside,
+  instantField,
+  jobText,
+  numberField,
+  part,
+  placeFaults,
+  pointed,
+} from "./fields.js";
 import { plantHead } from "./head.js";
 import { missingOfSelection, offeredJobs, sharedEstimates, usualLength, windowsIn } from "./plan.js";
 import { excludedTimes, startsPart } from "./starts.js";
@@ -186,15 +195,6 @@ class FindWindows {
     this.redraw();
   }
 
-  // Faults stand beside their fields; the box below has what is left.
-  fail(error) {
-    const faults = error.errors ?? [];
-    const others = placeFaults(this.form, faults);
-    const isPlaced = others.length < faults.length;
-    const message = "What is wrong stands beside the fields.";
-    this.outcome.fail(isPlaced ? { title: error.title, message, errors: others } : error);
-  }
-
   async submit() {
     this.button.disabled = true;
     placeFaults(this.form, []);
@@ -206,7 +206,7 @@ class FindWindows {
       });
       location.hash = `/jobs/${data.id}`;
     } catch (error) {
-      this.fail(error);
+      failBeside(this.form, this.outcome, error);
     }
     this.button.disabled = false;
   }

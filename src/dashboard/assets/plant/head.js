@@ -8,6 +8,7 @@ import { words } from "../shell/format.js";
 const PAGES = [
   ["/plant", "Monitors"],
   ["/plant/streams", "Streams"],
+  ["/plant/agents", "Agents"],
   ["/plant/webhooks", "Webhooks"],
   ["/plant/audit", "Audit log"],
   ["/plant/access", "Access"],
@@ -55,6 +56,16 @@ export async function readAsAdmin({ view, what, outcome, read }) {
   } catch (error) {
     outcome.fail(error);
   }
+}
+
+/**
+ * Answers whether the reader may change what the project has.
+ *
+ * @param {any} view
+ */
+export async function mayWrite(view) {
+  const { data } = await get("/v1/session", view.signal);
+  return data.scope !== "read";
 }
 
 function refusal(what, { who, scope, project }) {

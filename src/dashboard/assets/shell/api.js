@@ -134,9 +134,10 @@ export function query(parameters) {
     : "";
 }
 
-// Waits for some milliseconds, and rejects when the reader leaves the view.
+// Waits for some milliseconds, and rejects when the reader leaves the view or has left the view.
 export function pause(milliseconds, signal) {
   return new Promise((resolve, reject) => {
+    signal.throwIfAborted();
     const stop = () => {
       clearTimeout(timer);
       reject(signal.reason);

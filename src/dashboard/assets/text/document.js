@@ -23,15 +23,20 @@ export function readText(yaml, text) {
 
 const sentence = (message) => message.split("\n")[0];
 
+// Lists the names on the way that a JSON pointer goes.
+/** @param {string} pointer */
+export const namesOnTheWay = (pointer) =>
+  pointer
+    .split("/")
+    .slice(1)
+    .map((part) => part.replaceAll("~1", "/").replaceAll("~0", "~"));
+
 // Gives the range of the value that a JSON pointer names, else of the nearest value above it: { from,
 // to, exact, scalar }.
 function placeOf(yaml, root, text, pointer) {
   let node = root;
   let nearest = { from: 0, to: Math.max(0, text.indexOf("\n")), exact: pointer === "" };
-  const parts = pointer
-    .split("/")
-    .slice(1)
-    .map((part) => part.replaceAll("~1", "/").replaceAll("~0", "~"));
+  const parts = namesOnTheWay(pointer);
   for (const [k, part] of parts.entries()) {
     const last = k === parts.length - 1;
     if (yaml.isMap(node)) {
