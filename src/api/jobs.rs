@@ -36,6 +36,8 @@ pub struct Job {
     name: Option<String>,
     /// Words to find the job by.
     labels: BTreeMap<String, String>,
+    /// What people should know of the job.
+    note: Option<String>,
     /// What the job does.
     kind: JobKind,
     /// The state of the job.
@@ -109,6 +111,7 @@ impl From<&JobRow> for Job {
             id: row.id,
             name: row.name.clone(),
             labels: row.labels.clone(),
+            note: row.task.note().map(str::to_owned),
             kind: row.task.kind(),
             status: row.status,
             actions: row.status.actions().collect(),

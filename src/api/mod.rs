@@ -28,6 +28,7 @@ pub mod finished_job;
 pub mod health;
 pub mod http_headers;
 pub mod job_list;
+pub mod job_words;
 pub mod jobs;
 mod layouts;
 mod limits;

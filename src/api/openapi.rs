@@ -270,9 +270,8 @@ mod tests {
     #[test]
     fn every_error_is_described_as_a_problem_document() {
         let of_problems = |(name, _): &(String, Value)| {
-            !name
-                .split_once(' ')
-                .is_some_and(|(_, path)| Protocol::of_path(path).is_some())
+            let path = name.split_once(' ').map_or("", |(_, path)| path);
+            Protocol::of_path(path).is_none()
         };
         for (name, operation) in all().into_iter().filter(of_problems) {
             let responses = operation["responses"].as_object().unwrap().iter();
@@ -320,9 +319,9 @@ mod tests {
             }
         }
         assert_eq!(
-            n_bodies, 25,
+            n_bodies, 26,
             "three forms of a recording and of a batch, two of a layout, two of a model, a simulation, a design, a selection, \
-             a job, a comparison, a part of a stream, a monitor and its move, a webhook, a token, \
+             a job and its words, a comparison, a part of a stream, a monitor and its move, a webhook, a token, \
              a mapping, the lines of two protocols and two of messages"
         );
     }

@@ -14,9 +14,9 @@ use super::http_headers::tagged_json;
 use super::state::ApiState;
 use super::{
     audit, authorise, candidates, changes, comparisons, datasets, demonstration, designs,
-    disturbance, events, health, job_list, jobs, layouts, mappings, models, monitors, posterior,
-    report, results, selections, session, simulations, sinks, streams, submit, trajectory,
-    verdict_rules, webhooks,
+    disturbance, events, health, job_list, job_words, jobs, layouts, mappings, models, monitors,
+    posterior, report, results, selections, session, simulations, sinks, streams, submit,
+    trajectory, verdict_rules, webhooks,
 };
 
 /// Every resource of the service, with its description.
@@ -59,7 +59,7 @@ fn described() -> OpenApiRouter<ApiState> {
         .routes(routes!(comparisons::submit_comparison, comparisons::list))
         .routes(routes!(comparisons::show))
         .routes(routes!(submit::submit, job_list::list))
-        .routes(routes!(jobs::show, jobs::remove))
+        .routes(routes!(jobs::show, jobs::remove, job_words::rename))
         .routes(routes!(jobs::cancel))
         .routes(routes!(jobs::pause))
         .routes(routes!(jobs::resume))

@@ -297,6 +297,11 @@ async fn selection(state: &ApiState, id: JobId) -> Answer<Selection> {
 
 /// The job that a selection began from, on recordings of the chosen windows.
 fn estimation(id: JobId, selection: &Selection, before: &JobSpec, datasets: &Value) -> Value {
+    // A note is of the job that it was written for.
+    let before = &JobSpec {
+        note: None,
+        ..before.clone()
+    };
     let mut document = serde_json::to_value(before).expect("a specification has only text keys");
     let mut experiments = before.experiments.iter();
     let first = experiments.find(|experiment| experiment.role == ExperimentRole::Estimation);

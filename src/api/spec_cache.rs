@@ -49,6 +49,7 @@ impl SpecKey {
             seed: _,
             name: _,
             labels: _,
+            note: _,
         } = spec;
         let data = (experiments, outputs, clock_tolerance, validation);
         let together = (constraints, priors, process_noise, tolerances);

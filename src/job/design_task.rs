@@ -20,6 +20,10 @@ pub struct DesignTask {
     experiments: Vec<RecordingOfPast>,
     /// When the design stops at the latest.
     pub limits: LimitsSpec,
+    /// What people should know of the job.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    #[schema(nullable = false)]
+    pub note: Option<String>,
 }
 
 impl DesignTask {
@@ -35,6 +39,7 @@ impl DesignTask {
             design,
             experiments: past.map_or_else(Vec::new, RecordingOfPast::all),
             limits: LimitsSpec { max_duration_s },
+            note: None,
         }
     }
 

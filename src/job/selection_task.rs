@@ -28,6 +28,10 @@ pub struct SelectionTask {
     experiments: Vec<RecordingOfPast>,
     /// When the selection stops at the latest.
     pub limits: LimitsSpec,
+    /// What people should know of the job.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    #[schema(nullable = false)]
+    pub note: Option<String>,
 }
 
 impl SelectionTask {
@@ -46,6 +50,7 @@ impl SelectionTask {
             to,
             experiments: RecordingOfPast::all(past),
             limits: LimitsSpec { max_duration_s },
+            note: None,
         }
     }
     /// The recordings of the job that the selection goes on from.

@@ -1,5 +1,7 @@
 //! What a job is asked to do, as the row of the job holds it.
 
+use std::collections::BTreeMap;
+
 use serde::{Deserialize, Serialize};
 use utoipa::ToSchema;
 
@@ -67,6 +69,34 @@ impl JobTask {
             JobTask::Identification(spec) => spec.limits,
             JobTask::Design(task) => task.limits,
             JobTask::Selection(task) => task.limits,
+        }
+    }
+
+    /// What people should know of the job.
+    #[must_use]
+    pub fn note(&self) -> Option<&str> {
+        match self {
+            JobTask::Identification(spec) => spec.note.as_deref(),
+            JobTask::Design(task) => task.note.as_deref(),
+            JobTask::Selection(task) => task.note.as_deref(),
+        }
+    }
+
+    /// Calls the job otherwise. The name and the labels of a design and of a selection stand beside the task alone.
+    pub fn call(
+        &mut self,
+        name: Option<String>,
+        labels: BTreeMap<String, String>,
+        note: Option<String>,
+    ) {
+        match self {
+            JobTask::Identification(spec) => {
+                spec.name = name;
+                spec.labels = labels;
+                spec.note = note;
+            }
+            JobTask::Design(task) => task.note = note,
+            JobTask::Selection(task) => task.note = note,
         }
     }
 

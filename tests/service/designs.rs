@@ -6,7 +6,7 @@ use serde_json::{Value, json};
 use crate::app::{Answer, TestApp, endless_job};
 
 /// A push on a drive of which mass and viscous friction are to be known better.
-fn document() -> Value {
+pub fn document() -> Value {
     json!({
         "model": "positioning_drive",
         "parameters": {

@@ -24,6 +24,7 @@ mod faults;
 
 mod idempotency;
 
+mod job_words;
 mod layouts;
 
 mod life;

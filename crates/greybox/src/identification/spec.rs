@@ -49,7 +49,7 @@ mod tests;
 pub use experiment::{ExperimentRole, ExperimentSpec, MAX_EXPERIMENTS};
 pub use initial_state::{FirstSample, FreeState, InitialStateSpec, StateRange};
 pub use joint_prior::JointPriorSpec;
-pub use labels::{MAX_LABELS, MAX_NAME_CHARS};
+pub use labels::{MAX_LABELS, MAX_NAME_CHARS, MAX_NOTE_CHARS, label, name, note};
 pub use limits::LimitsSpec;
 pub use model::ModelOfJob;
 use model::read_model;
@@ -66,6 +66,7 @@ pub use window::WindowSpec;
 
 use greybox_numerics::parsing::reader::{Field, Object, read_document};
 use greybox_numerics::parsing::settings::Section as _;
+use labels::JobWords;
 use own_parameters::JobParameters;
 
 /// The largest seed: every JSON client keeps it exactly.
@@ -103,6 +104,10 @@ pub struct JobSpec {
     #[serde(default)]
     #[schema(example = json!({"site": "hall 2"}))]
     pub labels: BTreeMap<String, String>,
+    /// What people should know of the job, in lines of text.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    #[schema(max_length = 4000, nullable = false)]
+    pub note: Option<String>,
     /// The model whose parameters are estimated: a name that `/v1/models` lists, or a model
     /// document. The completed specification names it.
     #[schema(value_type = ModelOfJob, example = "single_rod_servo")]
@@ -330,8 +335,7 @@ const NOTHING_TO_ESTIMATE: &str = "every parameter and every initial state is fi
 /// understood without another (signals without the model) is left out.
 fn read_spec(document: &Field<'_>, context: &Context<'_>) -> Option<JobSpec> {
     let mut root = document.object()?;
-    let name = labels::name(root.optional("name"));
-    let labels = root.optional("labels").map(|field| labels::read(&field));
+    let words = JobWords::read(&mut root);
     let model = root
         .required("model")
         .and_then(|field| read_model(&field, &context.models));
@@ -372,8 +376,9 @@ fn read_spec(document: &Field<'_>, context: &Context<'_>) -> Option<JobSpec> {
     }
     let complete = || {
         Some(JobSpec {
-            name,
-            labels: labels.unwrap_or_default(),
+            name: words.name,
+            labels: words.labels,
+            note: words.note,
             model: model?.name.to_string(),
             experiments: experiments?,
             parameters: parameters?,

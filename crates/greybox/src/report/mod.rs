@@ -78,6 +78,7 @@ pub fn render(report: &Report<'_>) -> String {
         ),
     );
     labels(&mut page, report.spec);
+    note(&mut page, report.spec);
     page.push_str("</header>\n<main>\n");
     verdict(&mut page, report.outcome);
     tables::estimates(&mut page, report.outcome);
@@ -192,6 +193,14 @@ fn labels(page: &mut String, spec: &JobSpec) {
         .map(|(name, value)| format!("{}: {}", escape(name), escape(value)))
         .collect();
     push(page, format_args!("<p>{}</p>\n", shown.join(" · ")));
+}
+
+/// What people noted of the job, in their lines.
+fn note(page: &mut String, spec: &JobSpec) {
+    if let Some(note) = &spec.note {
+        let note = escape(note);
+        push(page, format_args!("<p class=\"note\">{note}</p>\n"));
+    }
 }
 
 /// Text as a string of a stylesheet.

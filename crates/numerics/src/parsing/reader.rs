@@ -252,6 +252,13 @@ impl<'v> Object<'v> {
         Some(self.field(name, value))
     }
 
+    /// The field `name`; absent and `null` are not the same.
+    pub fn present(&mut self, name: &'static str) -> Option<Field<'v>> {
+        self.names.push(name);
+        let value = self.map.get(name)?;
+        Some(self.field(name, value))
+    }
+
     /// The field `name`, whose absence is a fault.
     pub fn required(&mut self, name: &'static str) -> Option<Field<'v>> {
         let field = self.optional(name);

@@ -177,18 +177,11 @@ impl<'m> Spreading<'m> {
             match self.routes.field(route, &field.name) {
                 None if is_quality => {}
                 None => unnamed.push(field),
-                Some(signal) => {
-                    let number = field.number(&route.measurement)?;
-                    let value = signal.unit.to_si(number);
-                    if !value.is_finite() {
-                        return Err(field.not_finite(number, &route.measurement).into());
-                    }
-                    self.pending.push(PendingSample {
-                        rule: signal.rule,
-                        signal: signal.signal,
-                        value,
-                    });
-                }
+                Some(signal) => self.pending.push(PendingSample {
+                    rule: signal.rule,
+                    signal: signal.signal,
+                    value: field.si(&signal.unit, &route.measurement)?,
+                }),
             }
         }
         if instant > self.latest_ns {

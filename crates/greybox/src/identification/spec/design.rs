@@ -344,6 +344,7 @@ fn job_to_come(
     JobSpec {
         name: None,
         labels: BTreeMap::new(),
+        note: None,
         model: subject.model.name.to_string(),
         experiments: earlier.iter().cloned().chain([next]).collect(),
         parameters: subject.parameters.clone(),

@@ -4,8 +4,8 @@ use super::definitions::DefinedContainer;
 use crate::intake::error::ReadError;
 use crate::intake::memory::Memory;
 use crate::intake::spread::{
-    FieldValue, Mapping, PointFault, PointField, RefusedPoints, Route, Spreading, WrittenSamples,
-    shown,
+    FieldValue, Mapping, MappingRule, PointFault, PointField, RefusedPoints, Route, Spreading,
+    WrittenSamples, shown,
 };
 use crate::intake::units;
 use jiff::Timestamp;
@@ -100,23 +100,19 @@ pub fn spread(
                 let route = spreading.route(&container, || {
                     Ok::<_, PointFault>((container.clone(), BTreeMap::new()))
                 });
-                let route = route.expect("a container is its measurement");
                 let point = ContainerPoint {
                     defined,
-                    route: &route,
+                    route: &route.expect("a container is its measurement"),
                 };
-                for value in &values {
-                    if let Err(fault) = point.take(&mut spreading, value) {
-                        refused.refuse(&named(&container), &fault.to_string());
-                    }
-                }
+                let taken = values.iter().map(|value| point.take(&mut spreading, value));
+                let faults = taken.filter_map(Result::err);
+                faults.for_each(|fault| refused.refuse(&named(&container), &fault.to_string()));
                 spreading.check_memory()?;
                 continue;
             }
         };
-        for _ in values {
-            refused.refuse(&named(&container), fault);
-        }
+        let values = values.iter();
+        values.for_each(|_| refused.refuse(&named(&container), fault));
     }
     spreading.finish(refused)
 }
@@ -139,19 +135,8 @@ fn complete(mut mapping: Mapping, containers: &BTreeMap<String, DefinedContainer
         let Some(defined) = containers.get(&rule.measurement) else {
             continue;
         };
-        if !defined.quality.is_empty() {
-            let quality = rule.quality.get_or_insert_default();
-            if quality.fields.is_empty() {
-                quality.fields.clone_from(&defined.quality);
-            }
-        }
-        for (property, mapped) in &mut rule.signals {
-            if let Some(declared) = defined.signals.get(property) {
-                mapped.interpolation = mapped.interpolation.or(declared.interpolation);
-                if let Some(unit) = declared.unit.as_ref().filter(|_| mapped.unit.is_empty()) {
-                    mapped.unit.clone_from(unit);
-                }
-            }
+        defined.complete(rule);
+        for (property, mapped) in &rule.signals {
             let Some(unit) = units::parse(&mapped.unit) else {
                 let fault = format!(
                     "its property \"{property}\" is in `{}`, which is no unit that is known here: say one in the \
@@ -175,6 +160,27 @@ fn complete(mut mapping: Mapping, containers: &BTreeMap<String, DefinedContainer
         }
     }
     Completed { mapping, unfit }
+}
+
+impl DefinedContainer {
+    /// Fills in what a rule of the container leaves open.
+    fn complete(&self, rule: &mut MappingRule) {
+        if !self.quality.is_empty() {
+            let quality = rule.quality.get_or_insert_default();
+            if quality.fields.is_empty() {
+                quality.fields.clone_from(&self.quality);
+            }
+        }
+        for (property, mapped) in &mut rule.signals {
+            let Some(declared) = self.signals.get(property) else {
+                continue;
+            };
+            mapped.interpolation = mapped.interpolation.or(declared.interpolation);
+            if let Some(unit) = declared.unit.as_ref().filter(|_| mapped.unit.is_empty()) {
+                mapped.unit.clone_from(unit);
+            }
+        }
+    }
 }
 
 /// Takes values of one container.

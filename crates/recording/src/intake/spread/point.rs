@@ -1,5 +1,6 @@
 //! Points that agents write: the values of fields, and why a point is not taken.
 
+use crate::intake::units::RecordedUnit;
 use std::borrow::Cow;
 
 /// The characters of a sender's text that are repeated where something is wrong with it.
@@ -52,25 +53,27 @@ pub(in crate::intake) enum PointFault {
 }
 
 impl PointField<'_> {
-    /// The number of a field that a rule names, in the unit of the sender.
-    pub(super) fn number(&self, measurement: &str) -> Result<f64, PointFault> {
-        match &self.value {
-            FieldValue::Number(number) => Ok(*number),
-            FieldValue::Boolean(value) => Ok(f64::from(u8::from(*value))),
-            FieldValue::Text(_) => Err(PointFault::Text {
-                field: shown(&self.name),
-                measurement: shown(measurement),
-            }),
+    /// The value in SI of a field that a rule names.
+    pub(super) fn si(&self, unit: &RecordedUnit, measurement: &str) -> Result<f64, PointFault> {
+        let number = match &self.value {
+            FieldValue::Number(number) => *number,
+            FieldValue::Boolean(value) => f64::from(u8::from(*value)),
+            FieldValue::Text(_) => {
+                return Err(PointFault::Text {
+                    field: shown(&self.name),
+                    measurement: shown(measurement),
+                });
+            }
+        };
+        let value = unit.to_si(number);
+        if value.is_finite() {
+            return Ok(value);
         }
-    }
-
-    /// The fault of a number that SI has no finite number for.
-    pub(super) fn not_finite(&self, value: f64, measurement: &str) -> PointFault {
-        PointFault::NotFinite {
-            value,
+        Err(PointFault::NotFinite {
+            value: number,
             field: shown(&self.name),
             measurement: shown(measurement),
-        }
+        })
     }
 }
 

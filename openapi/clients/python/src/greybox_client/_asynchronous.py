@@ -69,6 +69,11 @@ class AsyncJob:
         await self._api.call(self.job.cancel)
         return self
 
+    async def change(self, **words: Any) -> AsyncJob:
+        """Changes what it is called: `name`, `labels` and `note`. What is left out stays, and None removes."""
+        await self._api.call(self.job.change, **words)
+        return self
+
     def events(self, after: int = 0) -> AsyncIterator[Event]:
         """The events of the job from the first on, live, until it has ended."""
         return _awaited(self.job.events(after))

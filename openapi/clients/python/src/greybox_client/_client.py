@@ -385,6 +385,11 @@ class Job(_Resource):
         self.document = self._client.post(f"{self.path}/cancel")
         return self
 
+    def change(self, **words: Any) -> Job:
+        """Changes what it is called: `name`, `labels` and `note`. What is left out stays, and None removes."""
+        self.document = self._client.request("PATCH", self.path, json=words).json()
+        return self
+
 
 class Result:
     """What a job came to."""
@@ -421,6 +426,7 @@ class Result:
         """Submits the job again with a change, such as the `patch` of a next step."""
         client = self._job._client
         document = _patched(client.get(self._job.path)["spec"], patch)
+        document.pop("note", None)
         headers = {"Idempotency-Key": key or str(uuid.uuid4())}
         return Job(client, client.post("/v1/jobs", json=document, headers=headers))
 

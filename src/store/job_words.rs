@@ -1,0 +1,103 @@
+//! What people call a job: its name, its labels and its note, which change at any time.
+
+use std::collections::BTreeMap;
+
+use super::columns::json;
+use super::jobs::{self, JobRow, Jobs};
+use super::sealed::JOBS;
+use super::writer::{Tx, in_transaction};
+use super::{Change, StoreError, database};
+use greybox::identification::JobId;
+use greybox::identification::spec::MAX_LABELS;
+
+/// A change of what a job is called. What is left out stays.
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
+pub struct JobWords {
+    /// The name, or that the name goes.
+    pub name: Option<Option<String>>,
+    /// Labels by their names, or that they go.
+    pub labels: BTreeMap<String, Option<String>>,
+    /// The note, or that the note goes.
+    pub note: Option<Option<String>>,
+}
+
+/// What became of a change.
+#[derive(Clone, Debug, PartialEq)]
+pub enum Renamed {
+    /// The change is on disk: the job as it stands.
+    Done(Box<JobRow>),
+    /// There is no such job.
+    NotFound,
+    /// The job would have more than [`MAX_LABELS`]; nothing is changed.
+    TooManyLabels,
+}
+
+impl Jobs {
+    /// Changes what a job is called, whatever state the job is in.
+    pub async fn rename(&self, id: JobId, words: JobWords) -> Result<Renamed, StoreError> {
+        in_transaction!(self.database, |tx| rename(tx, id, words)).await
+    }
+}
+
+async fn rename(tx: &mut Tx, id: JobId, words: JobWords) -> Result<Renamed, StoreError> {
+    let Some(mut row) = jobs::fetch(&mut *tx, id).await? else {
+        return Ok(Renamed::NotFound);
+    };
+    if let Some(name) = words.name {
+        row.name = name;
+    }
+    for (label, value) in words.labels {
+        match value {
+            Some(value) => row.labels.insert(label, value),
+            None => row.labels.remove(&label),
+        };
+    }
+    if row.labels.len() > MAX_LABELS {
+        return Ok(Renamed::TooManyLabels);
+    }
+    let note = words
+        .note
+        .unwrap_or_else(|| row.task.note().map(str::to_owned));
+    row.task.call(row.name.clone(), row.labels.clone(), note);
+    write(tx, &row).await?;
+    tx.announce(Change::Job(id));
+    let row = jobs::fetch(&mut *tx, id).await?;
+    Ok(row.map_or(Renamed::NotFound, |row| Renamed::Done(Box::new(row))))
+}
+
+async fn write(tx: &mut Tx, row: &JobRow) -> Result<(), StoreError> {
+    let id = row.id.to_string();
+    let (labels, spec) = (json(&row.labels), json(&row.task));
+    let seal = JOBS.seal(&[
+        (&id).into(),
+        row.project.as_str().into(),
+        (&row.name).into(),
+        (&labels).into(),
+        (&row.model).into(),
+        (&spec).into(),
+    ]);
+    database::query(
+        "update jobs set name = $1, labels = $2, spec = $3, seal = $4, revision = revision + 1 \
+         where id = $5",
+    )
+    .bind(row.name.clone())
+    .bind(labels)
+    .bind(spec)
+    .bind(seal)
+    .bind(&id)
+    .execute(&mut **tx)
+    .await?;
+    database::query("delete from job_labels where job = $1")
+        .bind(&id)
+        .execute(&mut **tx)
+        .await?;
+    for (label, value) in &row.labels {
+        database::query("insert into job_labels (job, label, value) values ($1, $2, $3)")
+            .bind(&id)
+            .bind(label)
+            .bind(value)
+            .execute(&mut **tx)
+            .await?;
+    }
+    Ok(())
+}
