@@ -12,8 +12,8 @@ use super::sealed::OMF_DEFINITIONS;
 use super::writer::{Tx, in_transaction};
 use crate::access::Project;
 use greybox::intake::omf::{
-    ContainerDefinition, DefinedContainer, Definition, DefinitionChange, DefinitionKey,
-    DefinitionKind, TypeDefinition,
+    ContainerDefinition, DefinedContainer, DefinitionChange, DefinitionKey, DefinitionKind,
+    OmfDefinition, TypeDefinition,
 };
 
 /// Types and containers under a mapping at the most.
@@ -50,7 +50,7 @@ impl Mappings {
         in_transaction!(self.database, |tx| define(tx, project, mapping, changes)).await
     }
 
-    /// Those of some containers that are defined, by their ids.
+    /// Containers by their ids, without the ids that are not defined.
     pub async fn containers(
         &self,
         project: &Project,
@@ -87,7 +87,7 @@ impl Mappings {
         mapping: &str,
         kind: DefinitionKind,
         ids: BTreeSet<String>,
-    ) -> Result<BTreeMap<String, Definition>, StoreError> {
+    ) -> Result<BTreeMap<String, OmfDefinition>, StoreError> {
         let ids: Vec<String> = ids.into_iter().collect();
         let mut definitions = BTreeMap::new();
         for ids in ids.chunks(ROWS_TOGETHER) {
@@ -123,8 +123,8 @@ async fn define(
     if !super::mappings::is_there(tx, &project, &mapping).await? {
         return Ok(DefinitionsPut::NoMapping);
     }
-    // Of several changes of one definition the last counts.
-    let mut last: BTreeMap<DefinitionKey, Option<Definition>> = BTreeMap::new();
+    // Where a definition changes several times, the last change counts.
+    let mut last: BTreeMap<DefinitionKey, Option<OmfDefinition>> = BTreeMap::new();
     for change in changes {
         match change {
             DefinitionChange::Stored(key, definition) => last.insert(key, Some(definition)),

@@ -66,7 +66,7 @@ pub use window::WindowSpec;
 
 use greybox_numerics::parsing::reader::{Field, Object, read_document};
 use greybox_numerics::parsing::settings::Section as _;
-use labels::JobWords;
+use labels::WordsOfSpec;
 use own_parameters::JobParameters;
 
 /// The largest seed: every JSON client keeps it exactly.
@@ -335,7 +335,7 @@ const NOTHING_TO_ESTIMATE: &str = "every parameter and every initial state is fi
 /// understood without another (signals without the model) is left out.
 fn read_spec(document: &Field<'_>, context: &Context<'_>) -> Option<JobSpec> {
     let mut root = document.object()?;
-    let words = JobWords::read(&mut root);
+    let words = WordsOfSpec::read(&mut root);
     let model = root
         .required("model")
         .and_then(|field| read_model(&field, &context.models));

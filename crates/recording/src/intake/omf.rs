@@ -21,8 +21,8 @@ mod header;
 
 pub use data::{ContainerValues, OmfData, spread};
 pub use definitions::{
-    ContainerDefinition, DefinedContainer, Definition, DefinitionChange, DefinitionKey,
-    DefinitionKind, OmfDefinitions, TypeDefinition,
+    ContainerDefinition, DefinedContainer, DefinitionChange, DefinitionKey, DefinitionKind,
+    OmfDefinition, OmfDefinitions, TypeDefinition,
 };
 pub use header::{OmfAction, OmfHeader, OmfMessageType};
 

@@ -15,13 +15,13 @@ pub const MAX_NOTE_CHARS: usize = 4000;
 const NO_NUL: &str = "a text has no NUL character";
 
 /// What a job is called.
-pub(super) struct JobWords {
+pub(super) struct WordsOfSpec {
     pub(super) name: Option<String>,
     pub(super) labels: BTreeMap<String, String>,
     pub(super) note: Option<String>,
 }
 
-impl JobWords {
+impl WordsOfSpec {
     pub(super) fn read(root: &mut Object<'_>) -> Self {
         let labels = root.optional("labels");
         Self {

@@ -25,7 +25,7 @@ pub struct OmfDefinitions {
 #[derive(Clone, Debug, PartialEq)]
 pub enum DefinitionChange {
     /// The definition is stored, in the place of the one of its key.
-    Stored(DefinitionKey, Definition),
+    Stored(DefinitionKey, OmfDefinition),
     /// The definition is removed.
     Removed(DefinitionKey),
 }
@@ -62,14 +62,14 @@ impl DefinitionKind {
 /// A type or a container, without its id.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
-pub enum Definition {
+pub enum OmfDefinition {
     /// A type.
     Type(TypeDefinition),
     /// A container.
     Container(ContainerDefinition),
 }
 
-impl Definition {
+impl OmfDefinition {
     /// The type; nothing where it is a container.
     #[must_use]
     pub fn into_type(self) -> Option<TypeDefinition> {
@@ -273,8 +273,8 @@ fn read_change(
         return Ok(DefinitionChange::Removed(key));
     }
     let definition = match kind {
-        DefinitionKind::Type => read_type(written).map(Definition::Type),
-        DefinitionKind::Container => read_container(written).map(Definition::Container),
+        DefinitionKind::Type => read_type(written).map(OmfDefinition::Type),
+        DefinitionKind::Container => read_container(written).map(OmfDefinition::Container),
     };
     let definition = definition.map_err(|fault| format!("`{}`: {fault}", shown(&key.id)))?;
     Ok(DefinitionChange::Stored(key, definition))

@@ -68,10 +68,10 @@ fn defined(bodies: [OmfMessage; 2]) -> BTreeMap<String, DefinedContainer> {
         .flat_map(|body| definitions(body).changes)
     {
         match change {
-            DefinitionChange::Stored(key, Definition::Type(definition)) => {
+            DefinitionChange::Stored(key, OmfDefinition::Type(definition)) => {
                 types.insert(key.id, definition);
             }
-            DefinitionChange::Stored(key, Definition::Container(definition)) => {
+            DefinitionChange::Stored(key, OmfDefinition::Container(definition)) => {
                 containers.insert(key.id, definition);
             }
             DefinitionChange::Removed(key) => panic!("{key:?} is removed"),
@@ -393,7 +393,7 @@ fn a_definition_is_kept_as_it_came() {
         };
         let text = serde_json::to_string(&definition).unwrap();
         assert_eq!(
-            serde_json::from_str::<Definition>(&text).unwrap(),
+            serde_json::from_str::<OmfDefinition>(&text).unwrap(),
             definition,
             "{text}"
         );

@@ -42,7 +42,7 @@ pub(in crate::intake) struct Route {
     pub(super) measurement: String,
     pub(super) tags: BTreeMap<String, String>,
     rules: Vec<usize>,
-    /// Those of the rules that say how good values are.
+    /// The places of rules that say how good values are.
     rules_with_quality: Vec<usize>,
 }
 
