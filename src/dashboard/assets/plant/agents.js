@@ -5,7 +5,8 @@
 import { get, items, send } from "../shell/api.js";
 import { h, notice, table } from "../shell/dom.js";
 import { count, instant } from "../shell/format.js";
-import { mayWrite, plantHead } from "./head.js";
+import { mayWrite } from "../shell/session.js";
+import { plantHead } from "./head.js";
 
 const COLUMNS = [
   { title: "Mapping" },

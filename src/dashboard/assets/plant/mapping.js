@@ -6,10 +6,11 @@ import { changed } from "../new/draft.js";
 import { get, pause, send } from "../shell/api.js";
 import { described } from "../shell/description.js";
 import { facts, h, keepingFocus, notice, table } from "../shell/dom.js";
+import { failBeside, placeFaults } from "../shell/faults.js";
 import { count, instant, number } from "../shell/format.js";
+import { mayWrite } from "../shell/session.js";
 import { writeAddresses } from "./agents.js";
-import { failBeside, placeFaults } from "./fields.js";
-import { mayWrite, nameHeading, plantHead } from "./head.js";
+import { nameHeading, plantHead } from "./head.js";
 import {
   faultsInForm,
   formOf,

@@ -2,6 +2,7 @@
 // This module turns the rules of a mapping into those of a form and back, and makes rules of the series that no
 // rule names. The functions are pure.
 
+import { faultsOfNames } from "../shell/faults.js";
 import { words } from "../shell/format.js";
 import { namesOnTheWay } from "../text/document.js";
 
@@ -22,7 +23,7 @@ const STREAM_CHARACTERS = 100;
  *   isOpen?: boolean,
  * }} Rule
  * @typedef {{ measurement: string, tags: Record<string, string>, field: string, last_value?: unknown }} Series
- * @typedef {{ pointer?: string, detail: string, code?: string }} Fault
+ * @typedef {import("../shell/faults.js").Fault} Fault
  */
 
 const tagsOf = (tags) => Object.entries(tags).map(([name, value]) => ({ name, value }));
@@ -102,22 +103,16 @@ export function nameFaults(rules) {
     ...faultsOfNames(
       tags.map(({ name }) => name),
       "tag",
+      "rule",
       (place) => `/rules/${k}/tags/${place}/name`,
     ),
     ...faultsOfNames(
       fields.map(({ field }) => field),
       "field",
+      "rule",
       (place) => `/rules/${k}/fields/${place}/field`,
     ),
   ]);
-}
-
-function faultsOfNames(names, what, pointer) {
-  return names.flatMap((name, place) => {
-    const isTwice = names.indexOf(name) < place;
-    const detail = name === "" ? `the ${what} has no name` : isTwice && `the rule has this ${what} already`;
-    return detail ? [{ pointer: pointer(place), detail }] : [];
-  });
 }
 
 // Gives the faults that the server finds in a mapping with the places that they have in the form.

@@ -2,11 +2,11 @@
 // This part of the page of a mapping is the form of its rules. The content of a rule is made when the rule is first
 // opened: a mapping may have a thousand rules.
 
-import { field, titledField } from "../new/fields.js";
+import { cell, titledField } from "../new/fields.js";
 import { namesIn, namesOfParameter } from "../shell/description.js";
-import { h, table } from "../shell/dom.js";
+import { h, smallButton, table } from "../shell/dom.js";
+import { pointed } from "../shell/faults.js";
 import { words } from "../shell/format.js";
-import { pointed } from "./fields.js";
 import { emptyField, emptyRule, qualityText, ruleText, tagText } from "./places.js";
 
 const FIELD_COLUMNS = [
@@ -143,9 +143,6 @@ function ruleFields(page, k, tell) {
   ];
 }
 
-const smallButton = (text, label, act, disabled = false) =>
-  h("button", { type: "button", class: "small", "aria-label": label, disabled, onclick: act }, text);
-
 // The first rule that fits decides, so that the order of the rules counts.
 function move(page, from, to) {
   const rules = [...page.rules];
@@ -160,9 +157,6 @@ function remove(page, path, then) {
   page.at(path, undefined, true);
   page.focus(`/rules/${path[1]}`, `[aria-label^="${then}"]`);
 }
-
-const cell = (path, label, value, act, options = {}) =>
-  pointed(h("span", { class: "cell" }, field(label, value, act, { text: true, ...options })), path);
 
 function tagFields(page, k, place, put) {
   const { name, value } = page.rules[k].tags[place];
