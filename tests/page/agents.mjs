@@ -7,7 +7,7 @@ import { base } from "./server.mjs";
 const LINES = (value, stamp) =>
   [
     `press,hall=2,line=a\\ b position=${value},valve=0.3,state="on" ${stamp}`,
-    `oil,hall=2 pressure=${value} ${stamp}`,
+    `oil,hall=2 pressure=${value},grade="Good" ${stamp}`,
   ].join("\n");
 
 // Types a text in the place of the text of a field in a table.
@@ -17,6 +17,15 @@ async function retype(page, label, text) {
     element.value = "";
   });
   await input.type(text);
+}
+
+// Gives the label of the field that is marked as wrong, and the fault beside the field.
+async function faultBeside(page) {
+  const wrong = await page.waitForSelector(".rule [aria-invalid]", PATIENCE);
+  return wrong.evaluate((field) => [
+    field.getAttribute("aria-label"),
+    document.getElementById(field.getAttribute("aria-describedby")).textContent,
+  ]);
 }
 
 // Makes a mapping, gives places to the series that come, and looks for the samples in the streams.
@@ -34,7 +43,9 @@ export async function placesOfSeries() {
   await page.waitForFunction((name) => location.hash.endsWith(name), PATIENCE, encoded);
   await says(page, "No such series came");
   const addresses = await text(page, ".facts");
-  assert.ok(addresses.includes(`${base}/write?db=${encoded}`), addresses);
+  for (const path of ["/write?db=", "/api/v2/write?bucket=", "/omf/"]) {
+    assert.ok(addresses.includes(`${base}${path}${encoded}`), addresses);
+  }
   await write(101.2, 1_700_000_000);
   await says(page, "none: a stream has numbers");
   await page.click("[aria-label='Give it a place: press hall=2, line=a b position']");
@@ -48,15 +59,19 @@ export async function placesOfSeries() {
   // What is wrong stands at the field that the server names.
   await retype(page, "Unit of field 1 of rule 2", "furlongs");
   await press(page, "Save the rules");
-  const wrong = await page.waitForSelector("input[aria-invalid]", PATIENCE);
-  const [field, fault] = await wrong.evaluate((input) => [
-    input.getAttribute("aria-label"),
-    document.getElementById(input.getAttribute("aria-describedby")).textContent,
-  ]);
-  assert.equal(field, "Unit of field 1 of rule 2");
-  assert.match(fault, /furlongs/);
-  page.faults.splice(0);
+  const [unit, unitFault] = await faultBeside(page);
+  assert.equal(unit, "Unit of field 1 of rule 2");
+  assert.match(unitFault, /furlongs/);
   await retype(page, "Unit of field 1 of rule 2", "mm");
+
+  // A field says how good the others are.
+  await page.click("[aria-label='Add a field of quality to rule 1']");
+  await page.select("[aria-label='Codes of quality of rule 1']", "opc_ua");
+  await press(page, "Save the rules");
+  const name = "Name of field of quality 1 of rule 1";
+  assert.equal((await faultBeside(page))[0], name);
+  page.faults.splice(0);
+  await retype(page, name, "grade");
   const streams = ["oil", "press"].map((name) => `${name}-${Date.now()}`);
   for (const [k, stream] of streams.entries()) {
     const input = await page.$(`[data-pointer='/rules/${k}/stream'] input`);
@@ -73,6 +88,21 @@ export async function placesOfSeries() {
     valve: { signal: "valve", unit: "", interpolation: "hold" },
   });
   assert.deepEqual(rules[1].tags, { hall: "2", line: "a b" });
+  assert.deepEqual(rules[0].quality, { fields: ["grade"], codes: "opc_ua" });
+  assert.equal(rules[1].quality, undefined);
+  // The quality stays with its rule when the rules are saved for something else.
+  await retype(page, "Unit of field 1 of rule 1", "bar");
+  await press(page, "Save the rules");
+  await page.waitForFunction(
+    (address) =>
+      fetch(address)
+        .then((answer) => answer.json())
+        .then((mapping) => mapping.rules[0].signals.pressure.unit === "bar"),
+    PATIENCE,
+    `/v1/mappings/${encoded}`,
+  );
+  const kept = await (await fetch(`${base}/v1/mappings/${encoded}`)).json();
+  assert.deepEqual(kept.rules[0].quality, { fields: ["grade"], codes: "opc_ua" });
 
   await write(101.3, 1_700_000_001);
   for (const stream of streams) {
@@ -92,7 +122,8 @@ export async function placesOfSeries() {
 export async function mappingWithSeries() {
   const mapping = `accessible-${Date.now()}`;
   const signals = { speed: { signal: "speed", unit: "mm/s" } };
-  const rules = [{ measurement: "press", tags: { hall: "2" }, stream: "press-1", signals }];
+  const quality = { fields: ["grade"], codes: "ignition" };
+  const rules = [{ measurement: "press", tags: { hall: "2" }, stream: "press-1", signals, quality }];
   await fetch(`${base}/v1/mappings/${mapping}`, {
     method: "PUT",
     headers: { "content-type": "application/json" },

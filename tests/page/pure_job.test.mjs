@@ -11,6 +11,7 @@ const { criterionChange, followed, moves } = await part("job/ancestry.js");
 const { budgetBars, placedParts, shareText } = await part("job/budget.js");
 const { correlationText } = await part("job/correlation.js");
 const { judged } = await part("job/effects.js");
+const { faultsInWords, patchOf, wordsOf } = await part("job/naming.js");
 const { cellAfter } = await part("job/reading.js");
 const { AxisWidths } = await part("plot/axes.js");
 const { clockOf } = await part("plot/clock.js");
@@ -18,11 +19,13 @@ const { choices, recordedUnit, shownUnit, toShown } = await part("plot/units.js"
 const { withGaps } = await part("plot/math.js");
 const { unknownsText } = await part("new/preflight.js");
 const { toleranceOf } = await part("model/parameters.js");
+const { failureList } = await part("list/bulk.js");
 const { columnsOffered, columnsShown, USUAL, widthNeeded, widthsIn } = await part("list/columns.js");
 const { arranged, fromQuery, matches, toQuery } = await part("list/filter.js");
 const { entriesOf } = await part("list/groups.js");
 const { withView } = await part("list/views.js");
 const { parted } = await part("model/equation.js");
+const { specOf } = await part("shell/prepared.js");
 
 const RESULT = {
   engine: { dataset_digests: ["sha256:1"] },
@@ -40,6 +43,63 @@ test("a prepared job names the job that it follows and draws a new seed", () => 
     labels: { site: "hall 2", follows: "job_1" },
     model: "servo",
   });
+});
+
+test("a job that is made from another has the name and the labels that the other has now, and no note", () => {
+  const job = {
+    name: null,
+    labels: { site: "hall 3" },
+    note: "valve 7 was replaced",
+    spec: {
+      name: "first",
+      labels: { site: "hall 2" },
+      note: "valve 7 was replaced",
+      model: "servo",
+      seed: 7,
+    },
+  };
+  assert.deepEqual(specOf(job), { name: null, labels: { site: "hall 3" }, model: "servo", seed: 7 });
+});
+
+test("a change of what a job is called has only what was changed", () => {
+  const job = { name: "rig 4", labels: { site: "hall 2", "a/b": "1", follows: "job_1" }, note: "x\r\ny" };
+  const before = wordsOf(job);
+  assert.deepEqual(before, {
+    name: "rig 4",
+    labels: [
+      { name: "site", value: "hall 2" },
+      { name: "a/b", value: "1" },
+    ],
+    note: "x\ny",
+  });
+  assert.deepEqual(patchOf(before, before), {});
+  const labels = [
+    { name: "a/b", value: "2" },
+    { name: "shift", value: "" },
+  ];
+  assert.deepEqual(patchOf(before, { ...before, labels }), {
+    labels: { site: null, "a/b": "2", shift: "" },
+  });
+  assert.deepEqual(patchOf(before, { ...before, name: "", note: " \n" }), { name: null, note: null });
+  assert.deepEqual(patchOf(wordsOf({ name: null, labels: {} }), { ...before, labels: [] }), {
+    name: "rig 4",
+    note: "x\ny",
+  });
+  const faults = ["/labels/a~1b", "/labels/gone", "/note"].map((pointer) => ({ pointer, detail: "wrong" }));
+  assert.deepEqual(
+    faultsInWords(before, faults).map(({ pointer }) => pointer),
+    ["/labels/1/value", "/labels/gone", "/note"],
+  );
+});
+
+test("jobs that an action failed for are named with what failed", () => {
+  const full = { message: "a job has 16 labels at the most" };
+  const wrong = { message: "The request is wrong", errors: [{ detail: "too long" }] };
+  const failures = ["a", "b", "c", "d", "e"].map((name) => ({ job: { name }, error: full }));
+  assert.deepEqual(failureList([...failures, { job: { model: "servo" }, error: wrong }]), [
+    { detail: "a, b, c and 2 more: a job has 16 labels at the most" },
+    { detail: "unnamed, servo: too long" },
+  ]);
 });
 
 test("moves are counted in total errors of the result before", () => {

@@ -15,8 +15,18 @@ const { columnOf, pointsFor, summaryOf } = await part("plant/samples.js");
 const { alarmSpans, mergedWindows, parametersOf, rangeOfWindows, trendOf } = await part("plant/trend.js");
 const { driftWith, likeMonitor, missingParts, searchedNames, signalsIn, templateOf } =
   await part("plant/plan.js");
-const { faultsInForm, formOf, isNamed, nameFaults, ruleText, rulesOf, streamName, textOf, withPlaces } =
-  await part("plant/places.js");
+const {
+  faultsInForm,
+  formOf,
+  isNamed,
+  nameFaults,
+  qualityText,
+  ruleText,
+  rulesOf,
+  streamName,
+  textOf,
+  withPlaces,
+} = await part("plant/places.js");
 const { matchingEntries, methodText } = await part("plant/entries.js");
 
 const NOON = secondsOf("2026-03-02T11:00:00Z");
@@ -327,4 +337,34 @@ test("the rules of a form are those of the mapping, and faults come to their fie
     { pointer: "/rules/0/fields/2/field", detail: "the rule has this field already" },
     { pointer: "/rules/0/fields/3/field", detail: "the field has no name" },
   ]);
+});
+
+test("a rule keeps what says how good its fields are, and leaves out a quality that says nothing", () => {
+  const rule = { measurement: "rig", tags: {}, stream: "rig", signals: { codes: { signal: "p" } } };
+  const quality = { fields: ["Quality", "Status"], codes: "opc_ua" };
+  const stored = [
+    { ...rule, quality },
+    { ...rule, quality: { codes: "words" } },
+    { ...rule, quality: { fields: ["Quality"] } },
+    rule,
+  ];
+  const rules = formOf(stored);
+  assert.deepEqual(rulesOf(rules), stored);
+  assert.deepEqual(rulesOf(formOf([{ ...rule, quality: {} }])), [rule]);
+  assert.equal(new Set(rules.map((shown) => textOf([shown]))).size, stored.length);
+  assert.deepEqual(
+    rules.map((shown) => qualityText(shown.quality)),
+    ["Quality, Status: opc ua", "words", "Quality", ""],
+  );
+  const quick = { measurement: "rig", tags: {}, field: "Quality", last_value: "Good" };
+  assert.ok(isNamed([rules[0]], quick) && !isNamed([rules[1]], quick));
+  // A field of the rule may be called as a member of the quality.
+  const pointers = ["quality/codes", "quality/fields/0", "signals/codes"].map((place) => `/rules/0/${place}`);
+  assert.deepEqual(
+    faultsInForm(
+      rules,
+      pointers.map((pointer) => ({ pointer, detail: "wrong" })),
+    ).map(({ pointer }) => pointer),
+    ["quality/codes", "quality/fields/0", "fields/0"].map((place) => `/rules/0/${place}`),
+  );
 });

@@ -29,6 +29,8 @@ export class JobFeed {
     // The last event of a design or of a selection that says how far the job came.
     this.latest = null;
     this.drawing = false;
+    // So many changes of the job were saved on this page.
+    this.changes = 0;
   }
 
   async start() {
@@ -50,8 +52,19 @@ export class JobFeed {
   }
 
   async refresh() {
+    const { changes } = this;
     const { data } = await get(`/v1/jobs/${this.id}`, this.signal);
-    this.job = data;
+    // An answer that was asked for before a change may not have the change.
+    if (changes === this.changes) {
+      this.job = data;
+      this.observer.job();
+    }
+  }
+
+  // Takes the job as it is after a change that was saved.
+  change(job) {
+    this.changes += 1;
+    this.job = job;
     this.observer.job();
   }
 

@@ -6,12 +6,14 @@ import { badge, trustBadge } from "../list/rows.js";
 import { get, send } from "../shell/api.js";
 import { facts, h, notice, problemBox } from "../shell/dom.js";
 import { duration, instant, timeSpan } from "../shell/format.js";
-import { FOLLOWS } from "../shell/prepared.js";
+import { FOLLOWS, specOf } from "../shell/prepared.js";
+import { mayWrite } from "../shell/session.js";
 import { contentsOf, startTour } from "./contents.js";
 import { designPanel } from "./design.js";
 import { disturbancePanel } from "./disturbance.js";
 import { isFinished, JobFeed } from "./feed.js";
 import { livePanel } from "./live.js";
+import { wordsForm } from "./naming.js";
 import { progressPanel } from "./progress.js";
 import { resultPanel } from "./result.js";
 import { selectionPanel } from "./selection.js";
@@ -65,15 +67,60 @@ export function showJob(view, id) {
     body.append(page);
     contents.draw();
   };
-  view.root.append(h("div", { class: "title" }, heading, parts.state, parts.connection), outcome.place, body);
+  const note = h("p", { class: "note", hidden: true });
+  const form = h("div", {});
+  const edit = h(
+    "button",
+    { type: "button", class: "small", hidden: true, "aria-label": "Edit the name, the labels and the note" },
+    "Edit",
+  );
+  let writes = false;
+  // The form stands in the place of the button and of the note.
+  const offerEdit = () => {
+    const isOpen = form.hasChildNodes();
+    edit.hidden = !writes || !feed.job || isOpen;
+    note.hidden = !feed.job?.note || isOpen;
+  };
+  edit.addEventListener("click", () => {
+    form.replaceChildren(
+      wordsForm(view, {
+        job: feed.job,
+        saved: (job) => feed.change(job),
+        closed: () => {
+          form.replaceChildren();
+          offerEdit();
+          edit.focus();
+        },
+      }),
+    );
+    offerEdit();
+    form.querySelector("input").focus();
+  });
+  view.root.append(
+    h("div", { class: "title" }, heading, edit, parts.state, parts.connection),
+    note,
+    form,
+    outcome.place,
+    body,
+  );
 
   let shownStatus = null;
+  let shownWords = "";
   const feed = new JobFeed(id, view.signal, {
     job: () => {
       const job = feed.job;
       body.hidden = false;
       heading.textContent = job.name || `Unnamed job, ${job.model}`;
       document.title = `${heading.textContent} · greybox`;
+      note.textContent = job.note ?? "";
+      panels.result.named(job);
+      offerEdit();
+      const words = JSON.stringify([job.name, job.labels, job.note]);
+      if (job.status !== shownStatus || words !== shownWords) {
+        shownWords = words;
+        parts.about.replaceChildren(about(job), job.error ? problemBox(asProblem(job.error)) : "");
+        parts.spec.replaceChildren(specification(job));
+      }
       const plain = kinds[job.kind];
       if (plain) {
         plain.job(job);
@@ -87,8 +134,6 @@ export function showJob(view, id) {
       shownStatus = job.status;
       parts.state.replaceChildren(badge(job.status));
       parts.actions.replaceChildren(...buttons(job, feed, outcome));
-      parts.about.replaceChildren(about(job), job.error ? problemBox(asProblem(job.error)) : "");
-      parts.spec.replaceChildren(specification(job));
       if (plain) {
         body.append(plain.element, parts.spec);
         return;
@@ -127,6 +172,13 @@ export function showJob(view, id) {
     recovered: () => outcome.clear(),
   });
   feed.start();
+  mayWrite(view).then(
+    (isAllowed) => {
+      writes = isAllowed;
+      offerEdit();
+    },
+    () => {},
+  );
 }
 
 /** @param {any} result */
@@ -212,7 +264,7 @@ function buttons(job, feed, outcome) {
     estimates && link("Use as template", `#/new?from=${job.id}`),
     estimates && link("Watch a stream", `#/plant/monitors/new?job=${job.id}`),
     estimates && isFinished(job) && link("Find windows in a stream", `#/plant/windows/new?job=${job.id}`),
-    estimates && isFinished(job) && button("Compare methods", () => compareMethods(job, outcome)),
+    estimates && isFinished(job) && button("Compare methods", () => compareMethods(feed.job, outcome)),
     isFinished(job) && button("Delete", remove, "danger"),
   ].filter(Boolean);
 }
@@ -225,7 +277,7 @@ async function compareMethods(job, outcome) {
     return;
   }
   try {
-    const { data } = await send("POST", "/v1/comparisons", { job: job.spec, seeds: SEEDS });
+    const { data } = await send("POST", "/v1/comparisons", { job: specOf(job), seeds: SEEDS });
     location.hash = `/comparisons/${data.id}`;
   } catch (error) {
     outcome.fail(error);

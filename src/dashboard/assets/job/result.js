@@ -7,7 +7,7 @@ import { download } from "../plot/save.js";
 import { get, query } from "../shell/api.js";
 import { facts, h, notice, quoted } from "../shell/dom.js";
 import { count, number, words } from "../shell/format.js";
-import { prepare } from "../shell/prepared.js";
+import { prepare, specOf } from "../shell/prepared.js";
 import { ancestryPart, followed } from "./ancestry.js";
 import { budgetPart } from "./budget.js";
 import { correlationPart } from "./correlation.js";
@@ -82,6 +82,10 @@ export function resultPanel(view) {
       }
       return result;
     },
+    // Takes the job under another name.
+    named(job) {
+      state.job = job;
+    },
     history(rows) {
       state.last = rows.at(-1) ?? null;
       drawBest();
@@ -126,11 +130,12 @@ function bestSoFar({ last, job, model }) {
 }
 
 /** @param {any} result */
-function numbers(result, { job, model, rules, truths, view }) {
+function numbers(result, state) {
+  const { job, model, truths, view } = state;
   const part = job.status === "succeeded" ? "" : " (best so far)";
   const { initial_states: states = [] } = result;
   return [
-    verdictBox(result, job, rules ?? []),
+    verdictBox(result, state),
     ancestryPart(view, job, result),
     result.model_search && effectsPart(result.model_search),
     h("h3", { "data-part": "Parameters" }, `Parameters${part}`),
@@ -190,7 +195,8 @@ const POINTS_SHOWN = 4;
 const NO_STEP =
   "No change of this job is left that promises more: what is missing has to come from the plant, as another recording, a declared noise or another model.";
 
-function verdictBox(result, job, rules) {
+function verdictBox(result, state) {
+  const rules = state.rules ?? [];
   const { trust, summary, reasons = [] } = result.verdict ?? {};
   if (!trust) {
     return h("p", { class: "quiet" }, "No verdict: the job did not get as far as the analysis.");
@@ -206,7 +212,7 @@ function verdictBox(result, job, rules) {
           "ul",
           { class: "next" },
           next.map(({ label, why, patch }) => {
-            const onclick = () => prepare(followed(patched(job.spec, patch), label, job.id));
+            const onclick = () => prepare(followed(patched(specOf(state.job), patch), label, state.job.id));
             return h(
               "li",
               {},

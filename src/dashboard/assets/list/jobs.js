@@ -58,6 +58,7 @@ export function showJobs(view) {
       list.bulk.element,
       list.connection,
     ),
+    list.bulk.form,
     list.choices,
     list.outcome.place,
     list.summary,
@@ -106,7 +107,12 @@ class JobList {
     );
     // Only jobs that the list shows are acted on; a filter may hide others that were selected.
     const selected = () => this.rows.jobs.filter(({ id }) => this.rows.selected.has(id));
-    this.bulk = new BulkActions(selected, this.outcome);
+    this.bulk = new BulkActions({
+      selected,
+      labels: () => [...this.labels].sort(),
+      outcome: this.outcome,
+      labelled: (job) => this.takeWords(job),
+    });
     this.rows.orderBy(this.filter.sort, this.filter.descending);
     this.rows.setColumns(columnsShown(this.filter.columns));
     this.choices = this.fields();
@@ -330,6 +336,15 @@ class JobList {
         this.labels.add(name);
       }
       this.drawLabels();
+    }
+  }
+
+  // Takes the name and the labels of a job; the list has the rest.
+  takeWords({ id, name, labels }) {
+    const job = this.jobs.get(id);
+    if (job) {
+      this.take({ ...job, name, labels });
+      this.drawSoon();
     }
   }
 

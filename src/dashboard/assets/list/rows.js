@@ -180,6 +180,7 @@ export class JobRows {
     }
     if (row.job !== job || !job.finished_at) {
       row.job = job;
+      row.box.setAttribute("aria-label", `Select ${job.name || job.id}`);
       for (const [k, column] of this.columns.entries()) {
         fill(row.cells[k], column, job);
       }
@@ -207,7 +208,6 @@ export class JobRows {
   newRow(job) {
     const box = h("input", {
       type: "checkbox",
-      "aria-label": `Select ${job.name || job.id}`,
       checked: this.selected.has(job.id),
       onchange: (event) => {
         event.target.checked ? this.selected.add(job.id) : this.selected.delete(job.id);

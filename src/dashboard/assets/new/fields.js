@@ -4,6 +4,7 @@
 
 import { defaultAt, namesIn } from "../shell/description.js";
 import { h } from "../shell/dom.js";
+import { pointed } from "../shell/faults.js";
 import { numberOf, words } from "../shell/format.js";
 
 // Writes a value as a field shows it.
@@ -37,6 +38,17 @@ export function field(label, value, act, { size = "9", hint, text = false } = {}
   });
   return input;
 }
+
+// A field of a text without a title, which has the faults at a path below it.
+/**
+ * @param {(string | number)[]} path
+ * @param {string} label
+ * @param {unknown} value
+ * @param {(value: any) => void} act
+ * @param {{ size?: string, hint?: string }} [options]
+ */
+export const cell = (path, label, value, act, options = {}) =>
+  pointed(h("span", { class: "cell" }, field(label, value, act, { text: true, ...options })), path);
 
 // A field with its title above it. An empty field leaves the specification without the member.
 /**

@@ -7,7 +7,7 @@ import { MODEL_WORDS } from "../model/language.js";
 import { get, items, repeatKey, request } from "../shell/api.js";
 import { described } from "../shell/description.js";
 import { h, keepingFocus, notice } from "../shell/dom.js";
-import { prepared } from "../shell/prepared.js";
+import { prepared, specOf } from "../shell/prepared.js";
 import { placed, readText } from "../text/document.js";
 import { Editor, editorLibrary } from "../text/editor.js";
 import { changed, experimentOf, withModel } from "./draft.js";
@@ -45,7 +45,7 @@ async function load(view) {
     described(),
   ]);
   const recordings = new Map(items(datasets.data).map((dataset) => [dataset.id, dataset]));
-  let spec = prepared(view) ?? (template ? asAsked(template.data.spec) : { experiments: [] });
+  let spec = prepared(view) ?? (template ? asAsked(specOf(template.data)) : { experiments: [] });
   const needed = new Set(
     [chosenDataset, ...(spec.experiments ?? []).map(({ dataset }) => dataset)].filter(
       (id) => id && !recordings.has(id),

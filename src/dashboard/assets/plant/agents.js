@@ -3,10 +3,10 @@
 // has a form for a new mapping.
 
 import { get, items, send } from "../shell/api.js";
-import { described } from "../shell/description.js";
 import { h, notice, table } from "../shell/dom.js";
 import { count, instant } from "../shell/format.js";
-import { mayWrite, plantHead } from "./head.js";
+import { mayWrite } from "../shell/session.js";
+import { plantHead } from "./head.js";
 
 const COLUMNS = [
   { title: "Mapping" },
@@ -29,7 +29,7 @@ export function showAgents(view) {
     h(
       "p",
       { class: "quiet" },
-      "Telegraf, Node-RED and clients of InfluxDB write to greybox as they write to InfluxDB. A mapping says which stream and signal each of their series goes to; an agent names the mapping as its database or bucket. ",
+      "Telegraf, Node-RED and clients of InfluxDB write to greybox as they write to InfluxDB, AVEVA's adapters and other senders of the Open Message Format (OMF) as they write to a PI server. A mapping says which stream and signal each of their series goes to; an agent names the mapping as its database or bucket, or in its address. ",
       h("a", { href: "/docs/agents" }, "How agents are set up"),
     ),
     h(
@@ -48,12 +48,8 @@ export function showAgents(view) {
 }
 
 async function read(view, form, list) {
-  const [{ data }, description, writes] = await Promise.all([
-    get("/v1/mappings", view.signal),
-    described(),
-    mayWrite(view),
-  ]);
-  const rows = items(data).map((mapping) => mappingRow(mapping, description));
+  const [{ data }, writes] = await Promise.all([get("/v1/mappings", view.signal), mayWrite(view)]);
+  const rows = items(data).map(mappingRow);
   form.replaceChildren(writes ? mappingForm(view) : "");
   list.replaceChildren(
     h("h2", {}, "Mappings of the project"),
@@ -61,7 +57,7 @@ async function read(view, form, list) {
   );
 }
 
-function mappingRow({ name, rules, changed_at: changed }, description) {
+function mappingRow({ name, rules, changed_at: changed }) {
   return [
     h("a", { href: `#${pageOf(name)}` }, name),
     count(rules.length),
@@ -70,7 +66,7 @@ function mappingRow({ name, rules, changed_at: changed }, description) {
     h(
       "div",
       {},
-      writeAddresses(name, description).map(([kind, address]) => h("div", {}, `${kind}: `, address)),
+      writeAddresses(name).map(([kind, address]) => h("div", {}, `${kind}: `, address)),
     ),
   ];
 }
@@ -84,21 +80,22 @@ function streamLinks(rules) {
   return names.length ? h("span", {}, links, rest > 0 && ` and ${count(rest)} more`) : "–";
 }
 
+// A sender of OMF that names no mapping writes by the mapping of this name.
+const USUAL_OF_OMF = "omf";
+
 /**
- * Lists the addresses at which agents write by a mapping, of those that the server has.
+ * Lists the addresses at which agents write by a mapping.
  *
  * @param {string} name
- * @param {any} description
  * @returns {[string, any][]}
  */
-export function writeAddresses(name, description) {
+export function writeAddresses(name) {
   const text = encodeURIComponent(name);
-  const hasOmf = Object.keys(description.paths).some((path) => path.startsWith("/omf/"));
   /** @type {[string, string][]} */
   const paths = [
     ["InfluxDB 1", `/write?db=${text}`],
     ["InfluxDB 2", `/api/v2/write?bucket=${text}`],
-    ...(hasOmf ? [/** @type {[string, string]} */ (["OMF", `/omf/${text}`])] : []),
+    ["OMF", name === USUAL_OF_OMF ? "/omf" : `/omf/${text}`],
   ];
   return paths.map(([kind, path]) => [kind, h("code", { class: "digest" }, `${location.origin}${path}`)]);
 }

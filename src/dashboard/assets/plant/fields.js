@@ -5,6 +5,7 @@
 import { inputSet, likeness } from "../model/signals.js";
 import { defaultAt } from "../shell/description.js";
 import { h } from "../shell/dom.js";
+import { pointed } from "../shell/faults.js";
 import { number, numberOf, unitText, words } from "../shell/format.js";
 import { fieldSeconds, fieldText, isoBefore, secondsOf } from "./instants.js";
 import { driftWith, searchedNames } from "./plan.js";
@@ -59,45 +60,6 @@ export function instantField(page, title, path) {
     },
   });
   return pointed(h("label", {}, title, input), path);
-}
-
-// Notes the path of a field, so that the faults of the server find the field.
-export function pointed(label, path) {
-  label.dataset.pointer = `/${path.join("/")}`;
-  return label;
-}
-
-// Shows faults beside their fields, in place of the faults before, and gives the faults that have no field. The
-// field of a fault is the first in the element whose path is nearest to the fault's.
-export function placeFaults(form, faults) {
-  for (const before of form.querySelectorAll(".fault")) {
-    before.previousElementSibling.removeAttribute("aria-invalid");
-    before.previousElementSibling.removeAttribute("aria-describedby");
-    before.remove();
-  }
-  const labels = [...form.querySelectorAll("[data-pointer]")].sort(
-    (a, b) => b.dataset.pointer.length - a.dataset.pointer.length,
-  );
-  return faults.filter(({ pointer = "", detail }, k) => {
-    const label = labels.find(({ dataset }) => `${pointer}/`.startsWith(`${dataset.pointer}/`));
-    const field = label?.querySelector("input, select");
-    if (field) {
-      const id = `fault-${k}`;
-      field.setAttribute("aria-invalid", "true");
-      field.setAttribute("aria-describedby", id);
-      field.after(h("span", { class: "fault bad fine", id }, detail));
-    }
-    return !field;
-  });
-}
-
-// Shows a failure: faults stand beside their fields in the form, and the notice has what is left.
-export function failBeside(form, outcome, error) {
-  const faults = error.errors ?? [];
-  const unplaced = placeFaults(form, faults);
-  const isPlaced = unplaced.length < faults.length;
-  const message = "What is wrong stands beside the fields.";
-  outcome.fail(isPlaced ? { title: error.title, message, errors: unplaced } : error);
 }
 
 export function choice(title, options, chosen, act) {

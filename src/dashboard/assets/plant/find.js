@@ -10,17 +10,9 @@ import { titledField } from "../new/fields.js";
 import { get, items, repeatKey, send } from "../shell/api.js";
 import { defaultAt, described } from "../shell/description.js";
 import { h, keepingFocus, notice } from "../shell/dom.js";
+import { failBeside, placeFaults, pointed } from "../shell/faults.js";
 import { count, duration, number, quantity, words } from "../shell/format.js";
-import {
-  choice,
-  failBeside,
-  instantField,
-  jobText,
-  numberField,
-  part,
-  placeFaults,
-  pointed,
-} from "./fields.js";
+import { choice, instantField, jobText, numberField, part } from "./fields.js";
 import { plantHead } from "./head.js";
 import { missingOfSelection, offeredJobs, sharedEstimates, usualLength, windowsIn } from "./plan.js";
 import { excludedTimes, startsPart } from "./starts.js";

@@ -58,16 +58,6 @@ export async function readAsAdmin({ view, what, outcome, read }) {
   }
 }
 
-/**
- * Answers whether the reader may change what the project has.
- *
- * @param {any} view
- */
-export async function mayWrite(view) {
-  const { data } = await get("/v1/session", view.signal);
-  return data.scope !== "read";
-}
-
 function refusal(what, { who, scope, project }) {
   return h(
     "p",

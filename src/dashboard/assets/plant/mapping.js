@@ -6,10 +6,11 @@ import { changed } from "../new/draft.js";
 import { get, pause, send } from "../shell/api.js";
 import { described } from "../shell/description.js";
 import { facts, h, keepingFocus, notice, table } from "../shell/dom.js";
+import { failBeside, placeFaults } from "../shell/faults.js";
 import { count, instant, number } from "../shell/format.js";
+import { mayWrite } from "../shell/session.js";
 import { writeAddresses } from "./agents.js";
-import { failBeside, placeFaults } from "./fields.js";
-import { mayWrite, nameHeading, plantHead } from "./head.js";
+import { nameHeading, plantHead } from "./head.js";
 import {
   faultsInForm,
   formOf,
@@ -62,7 +63,7 @@ class MappingPage {
     this.mapping = null;
     this.rules = [];
     this.storedText = textOf([]);
-    // The text is that of the series which the list shows; each row has the button of a series.
+    // The text is that of the series which the list shows; each row has what is offered for a series.
     this.seriesText = "";
     this.rows = [];
     this.facts = h("div", {});
@@ -108,7 +109,7 @@ class MappingPage {
       h(
         "p",
         { class: "quiet" },
-        "A rule fits the lines of its measurement that have all of its tags; they may have others too. The first rule that fits and names a field decides. A unit that is left empty is SI.",
+        "A rule fits the lines of its measurement that have all of its tags; they may have others too. The first rule that fits and names a field decides. A unit that is left empty is SI, or what a sender of OMF declares. Fields of quality say how good the other fields are; a sender of OMF may mark them itself.",
       ),
       this.form,
       this.outcome.place,
@@ -165,11 +166,7 @@ class MappingPage {
   drawFacts() {
     const { created_at: made, changed_at: altered } = this.mapping;
     this.facts.replaceChildren(
-      facts([
-        ...writeAddresses(this.name, this.description),
-        ["Made", instant(made)],
-        ["Changed", instant(altered)],
-      ]),
+      facts([...writeAddresses(this.name), ["Made", instant(made)], ["Changed", instant(altered)]]),
     );
   }
 
@@ -216,9 +213,9 @@ class MappingPage {
     const { isChanged } = this;
     this.state.textContent = isChanged ? stateText(this.isOverwriting) : "";
     this.allowSaving(isChanged);
-    for (const { series, button, text } of this.rows) {
+    for (const { series, offer, text } of this.rows) {
       const hasPlace = isNamed(this.rules, series);
-      button.hidden = hasPlace;
+      offer.hidden = hasPlace;
       text.hidden = !hasPlace;
     }
     this.giveAll.disabled = this.unplaced().length === 0;
@@ -313,11 +310,17 @@ class MappingPage {
   }
 
   placeOf(series) {
-    if (isText(series)) {
-      return h("span", { class: "quiet" }, "none: a stream has numbers");
-    }
+    const offer = isText(series)
+      ? h("span", { class: "quiet" }, "none: a stream has numbers")
+      : this.placeButton(series);
+    const text = h("span", { class: "quiet" }, "in the rules above");
+    this.rows.push({ series, offer, text });
+    return h("span", {}, offer, text);
+  }
+
+  placeButton(series) {
     const name = [series.measurement, tagsText(series), series.field].filter(Boolean).join(" ");
-    const button = h(
+    return h(
       "button",
       {
         type: "button",
@@ -327,9 +330,6 @@ class MappingPage {
       },
       "Give it a place",
     );
-    const text = h("span", { class: "quiet" }, "in the rules above");
-    this.rows.push({ series, button, text });
-    return h("span", {}, button, text);
   }
 }
 

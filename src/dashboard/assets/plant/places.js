@@ -2,6 +2,8 @@
 // This module turns the rules of a mapping into those of a form and back, and makes rules of the series that no
 // rule names. The functions are pure.
 
+import { faultsOfNames } from "../shell/faults.js";
+import { words } from "../shell/format.js";
 import { namesOnTheWay } from "../text/document.js";
 
 const STREAM_CHARACTERS = 100;
@@ -11,34 +13,53 @@ const STREAM_CHARACTERS = 100;
  *
  * @typedef {{ name: string, value: string }} Tag
  * @typedef {{ field: string, signal: string, unit?: string, interpolation?: string }} MappedField
- * @typedef {{ measurement: string, tags: Tag[], stream: string, fields: MappedField[], isOpen?: boolean }} Rule
+ * @typedef {{ fields: string[], codes?: string }} Quality
+ * @typedef {{
+ *   measurement: string,
+ *   tags: Tag[],
+ *   stream: string,
+ *   fields: MappedField[],
+ *   quality: Quality,
+ *   isOpen?: boolean,
+ * }} Rule
  * @typedef {{ measurement: string, tags: Record<string, string>, field: string, last_value?: unknown }} Series
- * @typedef {{ pointer?: string, detail: string, code?: string }} Fault
+ * @typedef {import("../shell/faults.js").Fault} Fault
  */
 
 const tagsOf = (tags) => Object.entries(tags).map(([name, value]) => ({ name, value }));
 
 /** @returns {Rule} */
-export const emptyRule = () => ({ measurement: "", tags: [], stream: "", fields: [emptyField()] });
+export const emptyRule = () => ({
+  measurement: "",
+  tags: [],
+  stream: "",
+  fields: [emptyField()],
+  quality: noQuality(),
+});
 
 /** @returns {MappedField} */
 export const emptyField = () => ({ field: "", signal: "" });
 
+/** @returns {Quality} */
+const noQuality = () => ({ fields: [] });
+
 // Gives the rules of a mapping as a form has them.
 /** @returns {Rule[]} */
 export function formOf(rules) {
-  return rules.map(({ measurement, tags = {}, stream, signals }) => ({
+  return rules.map(({ measurement, tags = {}, stream, signals, quality }) => ({
     measurement,
     tags: tagsOf(tags),
     stream,
     fields: Object.entries(signals).map(([field, mapped]) => ({ field, ...mapped })),
+    quality: { ...noQuality(), ...quality },
   }));
 }
 
-// Gives the rules of a form as a mapping has them: a unit that is left empty is left out.
+// Gives the rules of a form as a mapping has them: a unit that is left empty is left out, and so is a quality that
+// says nothing.
 /** @param {Rule[]} rules */
 export function rulesOf(rules) {
-  return rules.map(({ measurement, tags, stream, fields }) => ({
+  return rules.map(({ measurement, tags, stream, fields, quality }) => ({
     measurement,
     tags: Object.fromEntries(tags.map(({ name, value }) => [name, value])),
     stream,
@@ -48,6 +69,12 @@ export function rulesOf(rules) {
         { signal, ...(unit && { unit }), ...(interpolation && { interpolation }) },
       ]),
     ),
+    ...((quality.fields.length > 0 || quality.codes) && {
+      quality: {
+        ...(quality.fields.length > 0 && { fields: quality.fields }),
+        ...(quality.codes && { codes: quality.codes }),
+      },
+    }),
   }));
 }
 
@@ -55,11 +82,13 @@ export function rulesOf(rules) {
 /** @param {Rule[]} rules */
 export function textOf(rules) {
   return JSON.stringify(
-    rules.map(({ measurement, tags, stream, fields }) => [
+    rules.map(({ measurement, tags, stream, fields, quality }) => [
       measurement,
       stream,
       tags.map(({ name, value }) => [name, value]),
       fields.map(({ field, signal, unit = "", interpolation = "" }) => [field, signal, unit, interpolation]),
+      quality.fields,
+      quality.codes ?? "",
     ]),
   );
 }
@@ -74,22 +103,16 @@ export function nameFaults(rules) {
     ...faultsOfNames(
       tags.map(({ name }) => name),
       "tag",
+      "rule",
       (place) => `/rules/${k}/tags/${place}/name`,
     ),
     ...faultsOfNames(
       fields.map(({ field }) => field),
       "field",
+      "rule",
       (place) => `/rules/${k}/fields/${place}/field`,
     ),
   ]);
-}
-
-function faultsOfNames(names, what, pointer) {
-  return names.flatMap((name, place) => {
-    const isTwice = names.indexOf(name) < place;
-    const detail = name === "" ? `the ${what} has no name` : isTwice && `the rule has this ${what} already`;
-    return detail ? [{ pointer: pointer(place), detail }] : [];
-  });
 }
 
 // Gives the faults that the server finds in a mapping with the places that they have in the form.
@@ -110,6 +133,9 @@ function pointerInForm(rules, pointer) {
     const place = rule.tags.findIndex((tag) => tag.name === name);
     return place < 0 ? pointer : `/${top}/${k}/tags/${place}/value`;
   }
+  if (member !== "signals") {
+    return pointer;
+  }
   const place = rule.fields.findIndex(({ field }) => field === name);
   return place < 0 ? pointer : ["", top, k, "fields", place, ...rest].join("/");
 }
@@ -117,7 +143,7 @@ function pointerInForm(rules, pointer) {
 /** @param {Series} series */
 export const isText = ({ last_value: value }) => typeof value === "string";
 
-// Answers whether a rule fits the lines of a series and names its field.
+// Answers whether a rule fits the lines of a series and names its field, as a signal or as a quality.
 /**
  * @param {Rule[]} rules
  * @param {Series} series
@@ -127,7 +153,7 @@ export function isNamed(rules, { measurement, tags, field }) {
     (rule) =>
       rule.measurement === measurement &&
       rule.tags.every(({ name, value }) => tags[name] === value) &&
-      rule.fields.some((mapped) => mapped.field === field),
+      (rule.fields.some((mapped) => mapped.field === field) || rule.quality.fields.includes(field)),
   );
 }
 
@@ -153,7 +179,8 @@ function withPlace(rules, series) {
   const place = rules.findIndex((rule) => rule.measurement === measurement && areTags(rule.tags, tags));
   if (place < 0) {
     const stream = freeName(streamName(series), new Set(rules.map((rule) => rule.stream)), STREAM_CHARACTERS);
-    return [...rules, { measurement, tags: tagsOf(tags), stream, fields: [{ field, signal: field }] }];
+    const rule = { ...emptyRule(), measurement, tags: tagsOf(tags), stream };
+    return [...rules, { ...rule, fields: [{ field, signal: field }] }];
   }
   const rule = rules[place];
   const signals = rules
@@ -193,6 +220,12 @@ export const tagText = (tags) => tags.map(({ name, value }) => `${name}=${value}
 
 /** @param {Series} series */
 export const tagsText = ({ tags }) => tagText(tagsOf(tags));
+
+// Says which fields tell how good the others are, and what their codes mean.
+/** @param {Quality} quality */
+export function qualityText({ fields, codes }) {
+  return [fields.join(", "), codes && words(codes)].filter(Boolean).join(": ");
+}
 
 // Says in a line what a rule does.
 /** @param {Rule} rule */

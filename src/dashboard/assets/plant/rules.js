@@ -2,11 +2,12 @@
 // This part of the page of a mapping is the form of its rules. The content of a rule is made when the rule is first
 // opened: a mapping may have a thousand rules.
 
-import { field, titledField } from "../new/fields.js";
-import { namesIn } from "../shell/description.js";
-import { h, table } from "../shell/dom.js";
-import { pointed } from "./fields.js";
-import { emptyField, emptyRule, ruleText, tagText } from "./places.js";
+import { cell, titledField } from "../new/fields.js";
+import { namesIn, namesOfParameter } from "../shell/description.js";
+import { h, smallButton, table } from "../shell/dom.js";
+import { pointed } from "../shell/faults.js";
+import { words } from "../shell/format.js";
+import { emptyField, emptyRule, qualityText, ruleText, tagText } from "./places.js";
 
 const FIELD_COLUMNS = [
   { title: "Field" },
@@ -25,13 +26,17 @@ const SHOWN_COLUMNS = [
   { title: "Signal" },
   { title: "Unit" },
   { title: "Between samples" },
+  { title: "Quality" },
 ];
 
+// As many fields of a line say at the most how good its other fields are.
+const MOST_QUALITY_FIELDS = 10;
 const LEFT_OUT = "as the stream has it";
+const NO_CODES = "no codes, words alone";
 
 // Shows the rules to a reader who may not change them.
 export function ruleTable(rules) {
-  const rows = rules.flatMap(({ measurement, tags, stream, fields }, k) =>
+  const rows = rules.flatMap(({ measurement, tags, stream, fields, quality }, k) =>
     fields.map(({ field: name, signal, unit, interpolation }) => [
       String(k + 1),
       measurement,
@@ -41,6 +46,7 @@ export function ruleTable(rules) {
       signal,
       unit || "SI",
       interpolation ?? LEFT_OUT,
+      qualityText(quality) || "–",
     ]),
   );
   return table("Rules", SHOWN_COLUMNS, rows, { empty: "No rules yet.", stacked: true });
@@ -91,10 +97,11 @@ function ruleFields(page, k, tell) {
     page.at([...path, ...member], value);
     tell();
   };
-  const add = (member, entry, name) => {
-    const place = page.rules[k][member].length;
-    page.at([...path, member, place], entry, true);
-    page.focus(`/rules/${k}/${member}/${place}/${name}`);
+  // Adds an entry to a list of the rule, and puts the focus on the member of the entry that is typed first.
+  const add = (list, entry, ...member) => {
+    const place = list.reduce((owner, name) => owner[name], page.rules[k]).length;
+    page.at([...path, ...list, place], entry, true);
+    page.focus(`/${[...path, ...list, place, ...member].join("/")}`);
   };
   const text = (title, member, value, hint) =>
     pointed(
@@ -112,17 +119,20 @@ function ruleFields(page, k, tell) {
     h(
       "div",
       { class: "fields tags" },
-      h("span", {}, "Tags"),
+      h("span", { class: "term" }, "Tags"),
       tags.map((_, place) => tagFields(page, k, place, put)),
       smallButton("Add a tag", `Add a tag to rule ${k + 1}`, () =>
-        add("tags", { name: "", value: "" }, "name"),
+        add(["tags"], { name: "", value: "" }, "name"),
       ),
     ),
     table(`Fields of rule ${k + 1}`, FIELD_COLUMNS, rows, { stacked: true }),
+    qualityFields(page, k, put, add),
     h(
       "div",
       { class: "actions" },
-      smallButton("Add a field", `Add a field to rule ${k + 1}`, () => add("fields", emptyField(), "field")),
+      smallButton("Add a field", `Add a field to rule ${k + 1}`, () =>
+        add(["fields"], emptyField(), "field"),
+      ),
       smallButton("Earlier", `Earlier: rule ${k + 1}`, () => move(page, k, k - 1), k === 0),
       smallButton("Later", `Later: rule ${k + 1}`, () => move(page, k, k + 1), k === page.rules.length - 1),
       smallButton("Remove the rule", `Remove the rule ${k + 1}`, () => {
@@ -132,9 +142,6 @@ function ruleFields(page, k, tell) {
     ),
   ];
 }
-
-const smallButton = (text, label, act, disabled = false) =>
-  h("button", { type: "button", class: "small", "aria-label": label, disabled, onclick: act }, text);
 
 // The first rule that fits decides, so that the order of the rules counts.
 function move(page, from, to) {
@@ -151,9 +158,6 @@ function remove(page, path, then) {
   page.focus(`/rules/${path[1]}`, `[aria-label^="${then}"]`);
 }
 
-const cell = (path, label, value, act, options = {}) =>
-  pointed(h("span", { class: "cell" }, field(label, value, act, { text: true, ...options })), path);
-
 function tagFields(page, k, place, put) {
   const { name, value } = page.rules[k].tags[place];
   const member = ["tags", place];
@@ -169,6 +173,59 @@ function tagFields(page, k, place, put) {
       size: "16",
     }),
     smallButton("×", `× remove ${label}`, () => remove(page, path, "Add a tag")),
+  );
+}
+
+function qualityFields(page, k, put, add) {
+  const { fields, codes } = page.rules[k].quality;
+  const path = ["rules", k, "quality"];
+  const entries = fields.map((name, place) => {
+    const label = `field of quality ${place + 1} of rule ${k + 1}`;
+    const member = ["quality", "fields", place];
+    return h(
+      "div",
+      { class: "together" },
+      cell([...path, "fields", place], `Name of ${label}`, name, put(member), {
+        hint: "Quality",
+        size: "14",
+      }),
+      smallButton("×", `× remove ${label}`, () =>
+        remove(page, [...path, "fields", place], "Add a field of quality"),
+      ),
+    );
+  });
+  const schemes = namesOfParameter(page.description, "/v1/datasets", "post", "quality_scheme");
+  const choices = h(
+    "select",
+    {
+      "aria-label": `Codes of quality of rule ${k + 1}`,
+      onchange: ({ target }) => put(["quality", "codes"])(target.value || undefined),
+    },
+    ["", ...schemes].map((scheme) =>
+      h("option", { value: scheme, selected: scheme === (codes ?? "") }, scheme ? words(scheme) : NO_CODES),
+    ),
+  );
+  const list = h("div", { class: "fields" }, entries);
+  return pointed(
+    h(
+      "div",
+      { class: "fields tags" },
+      h("span", { class: "term" }, "Quality"),
+      entries.length > 0 && pointed(list, [...path, "fields"]),
+      smallButton(
+        "Add a field of quality",
+        `Add a field of quality to rule ${k + 1}`,
+        () => add(["quality", "fields"], ""),
+        fields.length >= MOST_QUALITY_FIELDS,
+      ),
+      h(
+        "div",
+        { class: "together" },
+        h("span", { class: "term" }, "Codes"),
+        pointed(h("span", { class: "cell" }, choices), [...path, "codes"]),
+      ),
+    ),
+    path,
   );
 }
 
@@ -194,6 +251,6 @@ function fieldRow(page, k, place, put) {
     textCell("signal", "Signal", signal, { size: "18", hint: "position" }),
     textCell("unit", "Unit", unit, { size: "8", hint: "SI" }),
     pointed(h("span", { class: "cell" }, between), [...path, "interpolation"]),
-    smallButton("×", `× remove ${label}`, () => remove(page, path, "Add a field"), fields.length === 1),
+    smallButton("×", `× remove ${label}`, () => remove(page, path, "Add a field to"), fields.length === 1),
   ];
 }

@@ -2,8 +2,9 @@
 // These parts of a form say where the states of a model start in every window, and which times are left out.
 
 import { h } from "../shell/dom.js";
+import { pointed } from "../shell/faults.js";
 import { words } from "../shell/format.js";
-import { choice, instantField, numberField, part, pointed } from "./fields.js";
+import { choice, instantField, numberField, part } from "./fields.js";
 import { firstEstimated, kindOfStart, startChoices, startOf, valueOfStart } from "./plan.js";
 
 export function startsPart(page) {

@@ -7,6 +7,7 @@ import { changed } from "../new/draft.js";
 import { get, items, repeatKey, send } from "../shell/api.js";
 import { described } from "../shell/description.js";
 import { h, keepingFocus, notice } from "../shell/dom.js";
+import { specOf } from "../shell/prepared.js";
 import { placed, readText } from "../text/document.js";
 import { Editor, editorLibrary } from "../text/editor.js";
 import { alarmsPart, choicePart, driftPart, signalsPart, windowsPart } from "./fields.js";
@@ -180,7 +181,7 @@ class NewMonitor {
         this.jobs = [data, ...this.jobs];
       }
       this.model = await modelOf(data.spec, this.view.signal);
-      this.spec = { ...this.spec, job: templateOf(data.spec, this.stream, this.model) };
+      this.spec = { ...this.spec, job: templateOf(specOf(data), this.stream, this.model) };
       this.outcome.clear();
       this.redraw();
     } catch (error) {

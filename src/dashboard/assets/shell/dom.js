@@ -74,6 +74,9 @@ export function table(caption, columns, rows, { empty = "Nothing here yet.", sta
   );
 }
 
+export const smallButton = (text, label, act, disabled = false) =>
+  h("button", { type: "button", class: "small", "aria-label": label, disabled, onclick: act }, text);
+
 // Lists names and their values.
 export function facts(pairs) {
   const shown = pairs.filter(([, value]) => value !== null && value !== undefined && value !== "");

@@ -4,6 +4,14 @@
 // The label of a prepared job that names the job before it.
 export const FOLLOWS = "follows";
 
+// Gives the specification of a job to make another like it: the job may have got another name and other labels since
+// it was made. A note is about the job alone.
+/** @param {any} job */
+export function specOf({ spec, name, labels }) {
+  const { note, ...rest } = spec;
+  return { ...rest, name, labels };
+}
+
 // Stores a specification for another page of this tab, and gives the key that the page finds it by.
 export function keep(spec) {
   const key = `prepared-${Date.now().toString(36)}`;

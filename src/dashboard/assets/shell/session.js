@@ -21,6 +21,16 @@ export async function isKnown() {
   }
 }
 
+/**
+ * Answers whether the reader may change what the project has.
+ *
+ * @param {any} view
+ */
+export async function mayWrite(view) {
+  const { data } = await get(SESSION, view.signal);
+  return data.scope !== "read";
+}
+
 function leave() {
   sessionStorage.setItem(LEFT, location.hash);
   location.assign(identityProvider());
