@@ -149,7 +149,11 @@ impl Server {
 
     async fn result(&self, id: JobId) -> Outcome {
         let result = self.store.results().find(id).await.expect("a read");
-        let outcome = result.expect("a result").outcome();
+        let Some(result) = result else {
+            let job = self.job(id).await;
+            panic!("a job without a result: {:?} {:?}", job.status, job.error);
+        };
+        let outcome = result.outcome();
         outcome.expect("the result of an identification")
     }
 
