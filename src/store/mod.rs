@@ -93,7 +93,7 @@ pub use mappings::{MAX_MAPPINGS, MappingPut, MappingRow, Mappings, NewWrite};
 pub use models::{MAX_UNUSED_MODELS, ModelRemoval, ModelRow, ModelStored, Models, NewModel};
 pub use monitors::{Advance, AdvanceWindow, MonitorRow, Monitors, NewMonitor, NewWindowJob};
 pub use nodes::Nodes;
-pub use omf_definitions::{DefinitionsPut, MAX_DEFINITIONS};
+pub use omf_definitions::{DefinitionsPut, MAX_DEFINITION_BYTES, MAX_DEFINITIONS};
 pub use opening::{DatabasePlace, DatabaseSettings};
 pub use page::Page;
 pub use postgres_address::AddressError;

@@ -17,7 +17,9 @@ use greybox::intake::omf::{
 };
 
 /// Types and containers under a mapping at the most.
-pub const MAX_DEFINITIONS: i64 = 20_000;
+pub const MAX_DEFINITIONS: usize = 20_000;
+/// Bytes of the types and containers under a mapping at the most, without their ids.
+pub const MAX_DEFINITION_BYTES: u64 = 16 << 20;
 /// Rows that are read or written with one statement.
 const ROWS_TOGETHER: usize = 100;
 
@@ -26,7 +28,7 @@ const ROWS_TOGETHER: usize = 100;
 pub enum DefinitionsPut {
     /// The changes are on disk.
     Stored,
-    /// The mapping would have more than [`MAX_DEFINITIONS`]; nothing is changed.
+    /// The mapping would have more than [`MAX_DEFINITIONS`] or [`MAX_DEFINITION_BYTES`]; nothing is changed.
     TooMany,
     /// There is no mapping of the name.
     NoMapping,
@@ -124,29 +126,14 @@ async fn define(
         return Ok(DefinitionsPut::NoMapping);
     }
     // Where a definition changes several times, the last change counts.
-    let mut last: BTreeMap<DefinitionKey, Option<OmfDefinition>> = BTreeMap::new();
+    let mut last: BTreeMap<DefinitionKey, Option<String>> = BTreeMap::new();
     for change in changes {
         match change {
-            DefinitionChange::Stored(key, definition) => last.insert(key, Some(definition)),
+            DefinitionChange::Stored(key, definition) => last.insert(key, Some(json(&definition))),
             DefinitionChange::Removed(key) => last.insert(key, None),
         };
     }
-    let rows: Vec<(String, String)> = database::query_as(
-        "select kind, id from omf_definitions where project = $1 and mapping = $2",
-    )
-    .bind(project.as_str())
-    .bind(&mapping)
-    .fetch_all(&mut **tx)
-    .await?;
-    let mut kept: BTreeSet<(String, String)> = rows.into_iter().collect();
-    for (key, definition) in &last {
-        let named = (key.kind.name().to_owned(), key.id.clone());
-        match definition {
-            Some(_) => kept.insert(named),
-            None => kept.remove(&named),
-        };
-    }
-    if kept.len() as u64 > MAX_DEFINITIONS.unsigned_abs() {
+    if !is_room(tx, &project, &mapping, &last).await? {
         return Ok(DefinitionsPut::TooMany);
     }
     let mut stored = Vec::with_capacity(last.len());
@@ -165,7 +152,7 @@ async fn define(
             row.push_bind(mapping.as_str());
             row.push_bind(key.kind.name());
             row.push_bind(key.id.clone());
-            row.push_bind(json(definition));
+            row.push_bind(definition.clone());
         });
         query.push(
             " on conflict (project, mapping, kind, id) do update set definition = excluded.definition \
@@ -174,6 +161,36 @@ async fn define(
         query.build().execute(&mut **tx).await?;
     }
     Ok(DefinitionsPut::Stored)
+}
+
+/// Whether a mapping has room for changes.
+async fn is_room(
+    tx: &mut Tx,
+    project: &Project,
+    mapping: &str,
+    changes: &BTreeMap<DefinitionKey, Option<String>>,
+) -> Result<bool, StoreError> {
+    let rows: Vec<(String, String, i64)> = database::query_as(
+        "select kind, id, cast(octet_length(definition) as bigint) from omf_definitions \
+         where project = $1 and mapping = $2",
+    )
+    .bind(project.as_str())
+    .bind(mapping)
+    .fetch_all(&mut **tx)
+    .await?;
+    let sizes = rows.into_iter();
+    let mut sizes: BTreeMap<(String, String), u64> = sizes
+        .map(|(kind, id, bytes)| ((kind, id), bytes.unsigned_abs()))
+        .collect();
+    for (key, definition) in changes {
+        let named = (key.kind.name().to_owned(), key.id.clone());
+        match definition {
+            Some(definition) => sizes.insert(named, definition.len() as u64),
+            None => sizes.remove(&named),
+        };
+    }
+    let has_room = sizes.len() <= MAX_DEFINITIONS;
+    Ok(has_room && sizes.values().sum::<u64>() <= MAX_DEFINITION_BYTES)
 }
 
 async fn remove(

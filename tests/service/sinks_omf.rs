@@ -190,6 +190,18 @@ async fn what_is_not_defined_or_wrong_is_refused_and_the_rest_is_stored() {
     let large = json!([{"id": "x".repeat(3 << 20)}]);
     let large = app.send(message(&app, "/omf/plant", "type", &large)).await;
     large.expect(413);
+    // Ten bodies of 1.8 MB of names each are more than the 16 MiB that a mapping keeps.
+    let mut statuses = Vec::new();
+    for place in 0..10 {
+        let names = (0..1000).map(|n| json!({"name": format!("{n:0450}"), "value": n}));
+        let names: Vec<Value> = names.collect();
+        let types =
+            (0..4).map(|n| json!({"id": format!("T{place}-{n}"), "enum": {"values": names}}));
+        let types = Value::Array(types.collect());
+        let answer = app.send(message(&app, "/omf/plant", "type", &types)).await;
+        statuses.push(answer.status);
+    }
+    assert_eq!(statuses, [200, 200, 200, 200, 200, 200, 200, 200, 200, 400]);
     // The definitions of a mapping go with it.
     app.delete("/v1/mappings/plant").await.expect(204);
     put_rules(&app, "plant", None).await;

@@ -15,7 +15,7 @@ use crate::api::extract::Named;
 use crate::api::http_headers::json;
 use crate::api::mappings::MappingName;
 use crate::api::streams::stamps::{latest, nanoseconds};
-use crate::store::{DefinitionsPut, MAX_DEFINITIONS};
+use crate::store::{DefinitionsPut, MAX_DEFINITION_BYTES, MAX_DEFINITIONS};
 use greybox::intake::omf::{self, MOST_OMF_BYTES, OmfDefinitions, OmfError, OmfHeader, OmfMessage};
 
 /// The mapping of senders that name none.
@@ -168,8 +168,10 @@ impl OmfTarget<'_> {
             DefinitionsPut::Stored => {}
             DefinitionsPut::NoMapping => return Err(self.unknown()),
             DefinitionsPut::TooMany => {
-                let detail =
-                    format!("a mapping has {MAX_DEFINITIONS} types and containers at the most");
+                let detail = format!(
+                    "a mapping has {MAX_DEFINITIONS} types and containers and {} MiB of them at the most",
+                    MAX_DEFINITION_BYTES >> 20
+                );
                 return Err(Problem::new(Kind::Malformed, detail));
             }
         }
