@@ -58,6 +58,9 @@ def test_a_frame_becomes_an_estimate_and_a_plot(api):
     names = [event.name for event in job.events()]
     assert names[0] == "state" and names[-1] == "end" and "generation" in names
     result = job.result(timeout_s=120)
+    changed = job.change(note="the first look", labels={"site": "hall 2"}).document
+    assert (changed["note"], changed["labels"]) == ("the first look", {"site": "hall 2"})
+    assert job.change(note=None).document["note"] is None
     assert abs(result.parameters.loc["gain", "estimate"] - 2) < 0.05
     assert abs(result.parameters.loc["time", "estimate"] - 1.5) < 0.05
     assert result.verdict["trust"] in ("low", "moderate", "high")
