@@ -190,6 +190,13 @@ async fn what_is_not_defined_or_wrong_is_refused_and_the_rest_is_stored() {
     let large = json!([{"id": "x".repeat(3 << 20)}]);
     let large = app.send(message(&app, "/omf/plant", "type", &large)).await;
     large.expect(413);
+    app.shutdown().await;
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn definitions_have_bounds_and_go_with_their_mapping() {
+    let app = mapped().await;
+    define(&app).await;
     // Ten bodies of 1.8 MB of names each are more than the 16 MiB that a mapping keeps.
     let mut statuses = Vec::new();
     for place in 0..10 {
