@@ -86,7 +86,7 @@ pub struct Influx2Query {
 /// The parameter of a query that names the mapping.
 struct TargetParameter {
     name: &'static str,
-    /// What a server of the protocol calls the target.
+    /// The word of the protocol for the target.
     target: &'static str,
 }
 
@@ -105,7 +105,7 @@ struct WriteTarget {
     /// The name of the mapping.
     name: String,
     precision: Precision,
-    /// What the request acts on, for the audit log.
+    /// The target of the request, for the audit log.
     acted_on: ActedOn,
 }
 

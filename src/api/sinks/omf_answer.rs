@@ -5,26 +5,26 @@ use serde::Serialize;
 use utoipa::ToSchema;
 use uuid::Uuid;
 
-/// What became of a request.
+/// The outcome of a request.
 #[derive(Serialize, ToSchema)]
 #[serde(rename_all = "PascalCase")]
 pub struct OmfAnswer {
     /// A number that no other answer has.
     #[schema(example = "019432f0-3c6a-7c2e-9d6e-0f6c8f1f2a10")]
     operation_id: String,
-    /// What became of the messages: one entry for all of them.
+    /// The outcome of the messages: one entry for all of them.
     #[schema(min_items = 1, max_items = 1)]
     messages: Vec<OmfMessageAnswer>,
 }
 
-/// What became of messages.
+/// The outcome of messages.
 #[derive(Serialize, ToSchema)]
 #[serde(rename_all = "PascalCase")]
 pub struct OmfMessageAnswer {
     /// `null`: the entry is of all messages of the request.
     #[schema(value_type = Option<u64>)]
     message_index: Option<u64>,
-    /// What there is to say.
+    /// Sentences on the messages.
     events: Vec<OmfEvent>,
     /// The status of the answer.
     status: OmfStatus,

@@ -35,7 +35,7 @@ use std::io::{BufRead, BufReader, Read};
 /// Bytes of a body at the most, unpacked. CONNECT data services take less, senders split by themselves.
 pub const MOST_OMF_BYTES: u64 = 2 << 20;
 
-/// What a body says.
+/// The content of a body.
 #[derive(Debug)]
 pub enum OmfMessage {
     /// Types and containers.

@@ -30,7 +30,7 @@ const SAMPLE_BYTES: u64 = 2 * size_of::<SpreadSample>() as u64;
 /// Bytes of an instant of a row, and of a signal at it: the value and its class.
 const INSTANT_BYTES: u64 = 8;
 const VALUE_BYTES: u64 = 9;
-/// What a sender can do whose samples take too much memory.
+/// The remedy for samples that take too much memory.
 const INSTEAD: &str = "send fewer lines at once";
 
 /// The samples of a body, and the points and series that were not taken.

@@ -108,10 +108,10 @@ pub fn parse_time(text: &str) -> Option<RecordedUnit> {
     parse(unit).filter(|unit| unit.si == "s")
 }
 
-/// What a sender of a recording can do whose unit is not known.
+/// The remedy for a unit of a recording that is not known.
 pub(super) const UNITS_OPTION: &str = "say which with `units`, such as `units=name:unit`";
 
-/// That a unit is not known, with the one that may have been meant and the remedy.
+/// A sentence on a unit that is not known, with the unit that may have been meant and the remedy.
 #[must_use]
 pub fn unknown(text: &str, remedy: &str) -> String {
     let names = TABLE.iter().flat_map(|row| row.names.split(' '));

@@ -12,10 +12,10 @@ const LONGEST_NAME: usize = 500;
 /// The properties of a type, the values of an enumeration and the overrides of a container at the most.
 const MOST_ENTRIES: usize = 1000;
 
-/// What a body says of types and containers.
+/// The types and containers of a body.
 #[derive(Debug, Default)]
 pub struct OmfDefinitions {
-    /// What is stored and removed, in the order of the body.
+    /// The definitions that come and go, in the order of the body.
     pub changes: Vec<DefinitionChange>,
     /// Definitions that are wrong.
     pub refused: RefusedPoints,
@@ -30,7 +30,7 @@ pub enum DefinitionChange {
     Removed(DefinitionKey),
 }
 
-/// What names a definition.
+/// The key of a definition.
 #[derive(Clone, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub struct DefinitionKey {
     /// Types and containers have ids of their own.
@@ -39,7 +39,7 @@ pub struct DefinitionKey {
     pub id: String,
 }
 
-/// What is defined.
+/// A type or a container, as a kind.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub enum DefinitionKind {
     /// A type.
@@ -102,7 +102,7 @@ pub struct TypeDefinition {
     /// The types of properties that have a type by its id.
     #[serde(skip_serializing_if = "BTreeMap::is_empty")]
     types: BTreeMap<String, String>,
-    /// What the type says of signals, by properties.
+    /// The declarations of signals, by properties.
     #[serde(skip_serializing_if = "BTreeMap::is_empty")]
     signals: BTreeMap<String, DeclaredSignal>,
     /// The numbers of an enumeration by their names.
@@ -127,7 +127,7 @@ pub struct ContainerDefinition {
     signals: BTreeMap<String, DeclaredSignal>,
 }
 
-/// What a sender declares of a signal.
+/// The declaration of a signal by a sender.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub(super) struct DeclaredSignal {
     /// The unit as the sender writes it.
@@ -154,7 +154,7 @@ impl DeclaredSignal {
         *self != Self::default()
     }
 
-    /// What this declares, and else what another does.
+    /// The declaration, with another one for the parts that are left out.
     fn or(self, other: Self) -> Self {
         Self {
             unit: self.unit.or(other.unit),
@@ -170,7 +170,7 @@ pub struct DefinedContainer {
     pub(super) index: String,
     /// The properties that say how good a value is.
     pub(super) quality: Vec<String>,
-    /// What is declared of signals, by properties.
+    /// The declarations of signals, by properties.
     pub(super) signals: BTreeMap<String, DeclaredSignal>,
     /// The numbers of enumerations by properties and names.
     pub(super) names: BTreeMap<String, BTreeMap<String, f64>>,

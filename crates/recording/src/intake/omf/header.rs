@@ -1,6 +1,6 @@
 //! What the headers of a request say of its body.
 
-/// What a body says, by `omfversion` and `messagetype`.
+/// The type of a message, by `omfversion` and `messagetype`.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum OmfMessageType {
     /// Types, to OMF 1.2.
@@ -15,21 +15,21 @@ pub enum OmfMessageType {
     Instance,
 }
 
-/// What becomes of what a body names.
+/// The action of a message on the definitions and values that its body names.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum OmfAction {
-    /// It is stored, also in the place of what has its id.
+    /// Definitions and values are stored; a definition takes the place of the earlier one of its id.
     Store,
-    /// It is removed.
+    /// Definitions are removed.
     Delete,
 }
 
 /// The headers of a message.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct OmfHeader {
-    /// What the body says.
+    /// The type of the message.
     pub message_type: OmfMessageType,
-    /// What becomes of it.
+    /// The action of the message.
     pub action: OmfAction,
 }
 

@@ -22,7 +22,7 @@ struct RuleRoute<'m> {
     rule: &'m MappingRule,
     /// The signals by the names of the fields.
     fields: HashMap<&'m str, FieldRoute>,
-    /// What the codes of quality mean.
+    /// The meaning of the codes of quality.
     scheme: Scheme,
 }
 
