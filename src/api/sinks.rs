@@ -209,8 +209,7 @@ async fn write(state: &ApiState, client: Client, target: WriteTarget, request: R
     });
     let stored = store(state, client, &target.name, parsed.await?.value).await?;
     let stored = stored.ok_or_else(|| target.unknown())?;
-    if stored.refused.points > 0 {
-        let problem = Problem::new(Kind::Malformed, stored.told());
+    if let Err(problem) = stored.into_answer() {
         return Err(problem.with_note(target.acted_on));
     }
     let mut response: Response = StatusCode::NO_CONTENT.into_response();
@@ -246,7 +245,7 @@ async fn store(
     for batch in &batches {
         client.check_append(&batch.stream)?;
     }
-    let untold = refused.points.saturating_sub(refused.told.len() as u64);
+    let untold = untold(&refused);
     if taken > 0 {
         let sizes: Vec<(String, u64)> = batches
             .iter()
@@ -320,7 +319,28 @@ fn refusal(stream: &str, outcome: &BatchOutcome) -> Option<String> {
     }
 }
 
+/// How many points are refused without a sentence.
+fn untold(refused: &RefusedPoints) -> u64 {
+    refused.points.saturating_sub(refused.told.len() as u64)
+}
+
 impl StoredPoints {
+    fn new(taken: u64, refused: RefusedPoints) -> Self {
+        Self {
+            taken,
+            untold: untold(&refused),
+            refused,
+        }
+    }
+
+    /// A refusal where points are refused, also where others are taken.
+    fn into_answer(self) -> Answer<()> {
+        match self.refused.points {
+            0 => Ok(()),
+            _ => Err(Problem::new(Kind::Malformed, self.told())),
+        }
+    }
+
     /// The sentence of InfluxDB on lines that were not stored, of which some are not told one by one.
     fn told(&self) -> String {
         let sentences = self.refused.told.join("\n");

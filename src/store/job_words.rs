@@ -67,26 +67,19 @@ async fn rename(tx: &mut Tx, id: JobId, words: JobWords) -> Result<Renamed, Stor
 
 async fn write(tx: &mut Tx, row: &JobRow) -> Result<(), StoreError> {
     let id = row.id.to_string();
-    let (labels, spec) = (json(&row.labels), json(&row.task));
-    let seal = JOBS.seal(&[
-        (&id).into(),
-        row.project.as_str().into(),
-        (&row.name).into(),
-        (&labels).into(),
-        (&row.model).into(),
-        (&spec).into(),
-    ]);
     database::query(
-        "update jobs set name = $1, labels = $2, spec = $3, seal = $4, revision = revision + 1 \
-         where id = $5",
+        "update jobs set name = $1, labels = $2, spec = $3, revision = revision + 1 where id = $4",
     )
     .bind(row.name.clone())
-    .bind(labels)
-    .bind(spec)
-    .bind(seal)
+    .bind(json(&row.labels))
+    .bind(json(&row.task))
     .bind(&id)
     .execute(&mut **tx)
     .await?;
+    let mut written = JOBS.select();
+    written.push("jobs where id = ").push_bind(id.clone());
+    let written = written.build().fetch_all(&mut **tx).await?;
+    JOBS.seal_rows(tx, &written).await?;
     database::query("delete from job_labels where job = $1")
         .bind(&id)
         .execute(&mut **tx)

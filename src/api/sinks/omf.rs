@@ -1,12 +1,15 @@
 //! AVEVA's adapters and other senders of the Open Message Format write as to a PI server.
 
+use std::collections::BTreeMap;
+
 use axum::extract::{Request, State};
 use axum::http::{HeaderMap, StatusCode};
-use utoipa::IntoParams;
+use serde::Serialize;
+use utoipa::{IntoParams, ToSchema};
 
 use super::omf_answer::OmfAnswer;
 use super::protocol::Protocol;
-use super::{ActedOn, not_read, store};
+use super::{ActedOn, StoredPoints, not_read, store};
 use crate::access::Project;
 use crate::api::ApiState;
 use crate::api::client::Client;
@@ -43,18 +46,29 @@ pub struct OmfHeaders {
     compression: Option<String>,
 }
 
+/// Messages of OMF, 2 MiB at the most.
+#[derive(Serialize, ToSchema)]
+#[serde(untagged)]
+#[schema(example = json!([{"containerid": "Tank-1.Pressure",
+                           "values": [{"Timestamp": "2026-03-02T08:15:00Z", "Value": 1.5}]}]))]
+#[allow(
+    dead_code,
+    reason = "it describes a body that `OmfHeader` says how to read"
+)]
+pub enum OmfBody {
+    /// Types, containers or data of OMF 1.0 to 1.2.
+    Messages(Vec<serde_json::Value>),
+    /// Named arrays of OMF 2.0.
+    Arrays(BTreeMap<String, Vec<serde_json::Value>>),
+}
+
 /// Write messages of the Open Message Format (OMF) by the mapping `omf`.
 ///
 /// As `POST /omf/{name}` with the name `omf`.
 #[utoipa::path(
     post, path = "/omf", operation_id = "write_omf", tag = "agents",
     params(OmfHeaders),
-    request_body(
-        description = "Messages of OMF, 2 MiB at the most",
-        content((Vec<serde_json::Value> = "application/json",
-                 example = json!([{"containerid": "Tank-1.Pressure",
-                                   "values": [{"Timestamp": "2026-03-02T08:15:00Z", "Value": 1.5}]}])))
-    ),
+    request_body(content = OmfBody, content_type = "application/json"),
     responses((status = 200, description = "All is stored, or listed", body = OmfAnswer))
 )]
 pub async fn write_default(
@@ -79,12 +93,7 @@ pub async fn write_default(
 #[utoipa::path(
     post, path = "/omf/{name}", operation_id = "write_omf_by_mapping", tag = "agents",
     params(("name" = String, Path, description = "The mapping", example = "plant"), OmfHeaders),
-    request_body(
-        description = "Messages of OMF, 2 MiB at the most",
-        content((Vec<serde_json::Value> = "application/json",
-                 example = json!([{"containerid": "Tank-1.Pressure",
-                                   "values": [{"Timestamp": "2026-03-02T08:15:00Z", "Value": 1.5}]}])))
-    ),
+    request_body(content = OmfBody, content_type = "application/json"),
     responses((status = 200, description = "All is stored, or listed", body = OmfAnswer))
 )]
 pub async fn write(
@@ -149,9 +158,7 @@ impl OmfTarget<'_> {
                 });
                 let stored = store(self.state, client, self.name, written.await?).await?;
                 let stored = stored.ok_or_else(|| self.unknown())?;
-                if stored.refused.points > 0 {
-                    return Err(Problem::new(Kind::Malformed, stored.told()));
-                }
+                stored.into_answer()?;
                 let remark = format!(
                     "{passed_over} messages with static data or links are not samples and are not kept"
                 );
@@ -163,21 +170,18 @@ impl OmfTarget<'_> {
     /// Stores types and containers, those that are right also where others are wrong.
     async fn define(&self, definitions: OmfDefinitions) -> Answer<Vec<String>> {
         let OmfDefinitions { changes, refused } = definitions;
+        let stored = StoredPoints::new(changes.len() as u64, refused);
         let mappings = self.state.store.mappings();
         match mappings.define(&self.project, self.name, changes).await? {
-            DefinitionsPut::Stored => {}
-            DefinitionsPut::NoMapping => return Err(self.unknown()),
+            DefinitionsPut::Stored => stored.into_answer().map(|()| Vec::new()),
+            DefinitionsPut::NoMapping => Err(self.unknown()),
             DefinitionsPut::TooMany => {
                 let detail = format!(
                     "a mapping has {MAX_DEFINITIONS} types and containers and {} MiB of them at the most",
                     MAX_DEFINITION_BYTES >> 20
                 );
-                return Err(Problem::new(Kind::Malformed, detail));
+                Err(Problem::new(Kind::Malformed, detail))
             }
-        }
-        match refused.points {
-            0 => Ok(Vec::new()),
-            _ => Err(Problem::new(Kind::Malformed, refused.told.join("\n"))),
         }
     }
 

@@ -63,7 +63,7 @@ impl Sealed {
     }
 
     /// Seals rows as they are stored now; answers how many. A row that cannot be read stays without a seal.
-    pub(super) async fn seal_rows(
+    pub(in crate::store) async fn seal_rows(
         &self,
         tx: &mut Connection,
         rows: &[Row],

@@ -131,6 +131,9 @@ struct Completed {
 fn complete(mut mapping: Mapping, containers: &BTreeMap<String, DefinedContainer>) -> Completed {
     let mut unfit = HashMap::new();
     let mut units_before: HashMap<(String, String), String> = HashMap::new();
+    // A rule of another container would give a signal its unit before the declared unit does.
+    let is_here = |rule: &MappingRule| containers.contains_key(&rule.measurement);
+    mapping.rules.retain(is_here);
     for rule in &mut mapping.rules {
         let Some(defined) = containers.get(&rule.measurement) else {
             continue;

@@ -399,3 +399,21 @@ fn a_definition_is_kept_as_it_came() {
         );
     }
 }
+
+#[test]
+fn a_rule_of_a_container_without_values_leaves_a_signal_its_declared_unit() {
+    let mut mapping = mapping(None);
+    let earlier = MappingRule {
+        measurement: "Tank-9".to_owned(),
+        ..mapping.rules[0].clone()
+    };
+    mapping.rules.insert(0, earlier);
+    let body = json!([{"containerid": "Tank-1", "values": [
+        {"Timestamp": "2026-03-02T08:15:00Z", "Pressure": 1.5}]}]);
+    let data = data(message("1.2", "data", &body));
+    let written = spread(data, mapping, &tanks(), i64::MAX).unwrap();
+    let signal = &written.batches[0].batch.signals[0];
+    let names = (signal.name.as_str(), signal.unit.as_str());
+    assert_eq!(names, ("p-Tank-1", "Pa"));
+    assert_eq!(values(&written, "p-Tank-1"), [Some(1.5e5)]);
+}
