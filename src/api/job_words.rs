@@ -82,7 +82,7 @@ fn read(root: &Field<'_>) -> Option<JobWords> {
     })
 }
 
-/// A value, or that it goes.
+/// Reads a value, or `null` for the removal of the value.
 fn or_null<T>(field: &Field<'_>, read: impl FnOnce(&Field<'_>) -> Option<T>) -> Option<Option<T>> {
     match field.value.is_null() {
         true => Some(None),

@@ -1,4 +1,4 @@
-// These steps are those of an agent that writes to a mapping, and of a person who gives the series places.
+// The steps of an agent that writes to a mapping, and of a person who gives the series places.
 
 import assert from "node:assert/strict";
 import { labelled, open, PATIENCE, press, says, text } from "./browser.mjs";
@@ -56,7 +56,7 @@ export async function placesOfSeries() {
   await page.click("[aria-label='Earlier: rule 2']");
   await says(page, "1. oil, hall=2 → oil-2: pressure");
 
-  // What is wrong stands at the field that the server names.
+  // A fault stands at the field that the server names.
   await retype(page, "Unit of field 1 of rule 2", "furlongs");
   await press(page, "Save the rules");
   const [unit, unitFault] = await faultBeside(page);

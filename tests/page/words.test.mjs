@@ -101,7 +101,7 @@ test("a job gets another name, other labels and a note, and jobs that are made f
   assert.equal(job.note, "Valve 7 was replaced.\n<b>Load</b> unknown");
   await says(page, "shift: night");
 
-  // What was typed and not saved is gone with the form.
+  // A text that was typed and not saved is gone with the form.
   await press(page, "Edit");
   await retype(page, await labelled(page, "Name"), "a slip");
   await press(page, "Cancel");

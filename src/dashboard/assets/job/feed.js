@@ -29,7 +29,7 @@ export class JobFeed {
     // The last event of a design or of a selection that says how far the job came.
     this.latest = null;
     this.drawing = false;
-    // So many changes of the job were saved on this page.
+    // The number of changes of the job that were saved on this page.
     this.changes = 0;
   }
 

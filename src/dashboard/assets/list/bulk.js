@@ -8,7 +8,7 @@ import { count } from "../shell/format.js";
 import { titleOf } from "./columns.js";
 
 const AT_ONCE = 6;
-// So many jobs are named that an action failed for with the same words.
+// The most jobs that are named where an action failed for several with the same words.
 const NAMED = 3;
 
 const CANCEL = {

@@ -207,8 +207,8 @@ class MappingPage {
     this.discard.disabled = !isAllowed;
   }
 
-  // What depends on the rules in the form changes in place, and no button moves: the reader may be on the way to a
-  // button.
+  // Parts that depend on the rules in the form change in place, and no button moves: the reader may be on the way to
+  // a button.
   tell() {
     const { isChanged } = this;
     this.state.textContent = isChanged ? stateText(this.isOverwriting) : "";

@@ -29,7 +29,7 @@ const SHOWN_COLUMNS = [
   { title: "Quality" },
 ];
 
-// As many fields of a line say at the most how good its other fields are.
+// The most fields of a line that say how good its other fields are.
 const MOST_QUALITY_FIELDS = 10;
 const LEFT_OUT = "as the stream has it";
 const NO_CODES = "no codes, words alone";
