@@ -1,6 +1,7 @@
 //! What a path names, as a type: a name that is not one names nothing (404).
 
 use std::convert::Infallible;
+use std::fmt::Display;
 use std::str::FromStr;
 
 use axum::extract::{FromRef, FromRequestParts, RawPathParams};
@@ -16,6 +17,14 @@ use greybox::identification::{DatasetId, JobId};
 /// What the one parameter of a path names: something of the caller's project, or nothing.
 pub struct Named<T>(pub T);
 
+/// A name that a person chose, of so many characters at the most; nothing where it has a slash or a control
+/// character.
+pub fn chosen_name(text: &str, most: usize) -> Option<String> {
+    let is_plain = text.chars().all(|c| !c.is_control() && c != '/');
+    let is_name = is_plain && (1..=most).contains(&text.chars().count());
+    is_name.then(|| text.to_owned())
+}
+
 /// A type that paths name.
 pub trait PathName: FromStr + Sync {
     /// The word for the type in a sentence.
@@ -27,6 +36,14 @@ pub trait PathName: FromStr + Sync {
         &self,
         store: &Store,
     ) -> impl Future<Output = Result<Option<Project>, StoreError>> + Send;
+
+    /// The answer where nothing has the name.
+    fn not_found(&self) -> Problem
+    where
+        Self: Display,
+    {
+        Problem::not_found(Self::WHAT, &self.to_string())
+    }
 }
 
 impl PathName for JobId {

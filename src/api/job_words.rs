@@ -12,7 +12,7 @@ use super::error::{Answer, Kind, Problem};
 use super::extract::Named;
 use super::jobs::{Job, answer, no_job};
 use super::query::{NoQuery, Params};
-use crate::store::{JobWords, Jobs, Renamed};
+use crate::store::{JobWords, Jobs, LabelChange, Renamed};
 use greybox::identification::JobId;
 use greybox::identification::spec::{MAX_LABELS, label, name, note};
 use greybox::parsing::reader::{Field, read_document};
@@ -29,9 +29,8 @@ pub struct JobChange {
     /// A name for people.
     #[schema(max_length = 200)]
     name: Option<String>,
-    /// Labels by their names; a job has 16 at the most.
-    #[schema(required = false)]
-    labels: BTreeMap<String, Option<String>>,
+    /// Labels by their names; a job has 16 at the most. `null` removes every label.
+    labels: Option<BTreeMap<String, Option<String>>>,
     /// What people should know of the job, in lines of text.
     #[schema(max_length = 4000)]
     note: Option<String>,
@@ -67,19 +66,24 @@ pub async fn rename(
 fn read(root: &Field<'_>) -> Option<JobWords> {
     let mut object = root.object()?;
     let name = object.present("name").map(|field| or_null(&field, name));
-    let labels = object.optional("labels").map(|field| {
-        let entries = field.object()?.entries();
-        entries
-            .map(|(key, value)| Some((key.to_owned(), or_null(&value, |field| label(key, field))?)))
-            .collect()
-    });
+    let labels = object
+        .present("labels")
+        .map(|field| Some(or_null(&field, label_changes)?.unwrap_or(LabelChange::RemoveAll)));
     let note = object.present("note").map(|field| or_null(&field, note));
     object.finish();
     Some(JobWords {
         name: name.map_or(Some(None), |name| name.map(Some))?,
-        labels: labels.unwrap_or_else(|| Some(BTreeMap::new()))?,
+        labels: labels.unwrap_or_else(|| Some(LabelChange::default()))?,
         note: note.map_or(Some(None), |note| note.map(Some))?,
     })
+}
+
+fn label_changes(field: &Field<'_>) -> Option<LabelChange> {
+    let entries = field.object()?.entries();
+    let changes: Option<BTreeMap<_, _>> = entries
+        .map(|(key, value)| Some((key.to_owned(), or_null(&value, |field| label(key, field))?)))
+        .collect();
+    changes.map(LabelChange::Each)
 }
 
 /// Reads a value, or `null` for the removal of the value.

@@ -4,11 +4,14 @@ use axum::extract::{Request, State};
 use axum::http::StatusCode;
 
 use super::body::{Bodies, unsupported};
-use super::datasets::{ReadingQuery, kind_of, reading};
+use super::client::Client;
+use super::datasets::kind_of;
 use super::error::Answer;
 use super::http_headers::json;
 use super::query::{FromQuery, Params, QueryReader};
-use greybox::intake::{self, Layout, MediaKind, Options};
+use super::reading::{GivenOptions, ReadingQuery};
+use crate::store::Layouts;
+use greybox::intake::{self, Layout, MediaKind};
 
 /// Bytes of a body at the most: of a text only the beginning is looked at.
 const BODY_BYTES: u64 = 1 << 20;
@@ -17,11 +20,11 @@ const BODY_BYTES: u64 = 1 << 20;
 const ENOUGH: &str = "send the beginning of the text alone: 64 KiB are looked at";
 
 /// How the beginning of a text is to be read.
-pub struct AskedLayout(Options);
+pub struct AskedLayout(GivenOptions);
 
 impl FromQuery for AskedLayout {
     fn read(query: &mut QueryReader) -> Self {
-        Self(reading(query, &mut Vec::new()))
+        Self(GivenOptions::read(query))
     }
 }
 
@@ -45,9 +48,13 @@ impl FromQuery for AskedLayout {
 )]
 pub async fn show(
     State(bodies): State<Bodies>,
-    Params(AskedLayout(mut options)): Params<AskedLayout>,
+    State(layouts): State<Layouts>,
+    client: Client,
+    Params(AskedLayout(options)): Params<AskedLayout>,
     request: Request,
 ) -> Answer {
+    let options = options.completed(&layouts, &client.project).await?;
+    let mut options = options.options()?;
     let (kind, charset) = kind_of(request.headers())?;
     if !matches!(kind, MediaKind::Csv | MediaKind::Text) {
         return Err(unsupported(request.headers(), "text/csv and text/plain"));

@@ -13,7 +13,7 @@ use utoipa::ToSchema;
 use super::body::JsonDocument;
 use super::client::Client;
 use super::error::{Answer, Kind, Problem};
-use super::extract::{Named, PathName};
+use super::extract::{Named, PathName, chosen_name};
 use super::http_headers::json;
 use super::query::{NoQuery, Params};
 use crate::access::{Project, is_stream_name};
@@ -42,9 +42,7 @@ impl FromStr for MappingName {
     type Err = ();
 
     fn from_str(text: &str) -> Result<Self, ()> {
-        let is_plain = text.chars().all(|c| !c.is_control() && c != '/');
-        let is_name = is_plain && (1..=MAX_NAME).contains(&text.chars().count());
-        is_name.then(|| Self(text.to_owned())).ok_or(())
+        chosen_name(text, MAX_NAME).map(Self).ok_or(())
     }
 }
 

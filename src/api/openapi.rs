@@ -22,12 +22,14 @@ use super::sinks::protocol::Protocol;
 use super::sinks::{Influx1Error, Influx2Error};
 use crate::job::Event;
 use greybox::intake::units;
+use greybox::recording::RecordingVersion;
 
 /// The description of the handlers, with what they do not say themselves.
 pub(super) fn completed(mut openapi: OpenApi) -> Value {
     let mut unnamed = Vec::new();
     name_schema::<ProblemDocument>(&mut unnamed);
     name_schema::<Event>(&mut unnamed);
+    name_schema::<RecordingVersion>(&mut unnamed);
     name_schema::<Influx1Error>(&mut unnamed);
     name_schema::<Influx2Error>(&mut unnamed);
     let components = openapi.components.get_or_insert_default();
@@ -320,8 +322,8 @@ mod tests {
             }
         }
         assert_eq!(
-            n_bodies, 26,
-            "three forms of a recording and of a batch, two of a layout, two of a model, a simulation, a design, a selection, \
+            n_bodies, 28,
+            "three forms of a recording and of a batch, a version, two of a layout and one that is kept, two of a model, a simulation, a design, a selection, \
              a job and its words, a comparison, a part of a stream, a monitor and its move, a webhook, a token, \
              a mapping, the lines of two protocols and two of messages"
         );

@@ -13,10 +13,10 @@ use utoipa_axum::routes;
 use super::http_headers::tagged_json;
 use super::state::ApiState;
 use super::{
-    audit, authorise, candidates, changes, comparisons, datasets, demonstration, designs,
-    disturbance, events, health, job_list, job_words, jobs, layouts, mappings, models, monitors,
-    posterior, report, results, selections, session, simulations, sinks, streams, submit,
-    trajectory, verdict_rules, webhooks,
+    audit, authorise, candidates, changes, comparisons, dataset_samples, dataset_versions,
+    datasets, demonstration, designs, disturbance, events, health, job_list, job_words, jobs,
+    layouts, mappings, models, monitors, named_layouts, posterior, report, results, selections,
+    session, simulations, sinks, streams, submit, trajectory, verdict_rules, webhooks,
 };
 
 /// Every resource of the service, with its description.
@@ -29,8 +29,15 @@ fn described() -> OpenApiRouter<ApiState> {
         .routes(routes!(document))
         .routes(routes!(datasets::create, datasets::list))
         .routes(routes!(datasets::show, datasets::remove))
-        .routes(routes!(datasets::samples))
-        .routes(routes!(layouts::show))
+        .routes(routes!(dataset_samples::samples))
+        .routes(routes!(dataset_versions::create, dataset_versions::list))
+        .routes(routes!(dataset_versions::show))
+        .routes(routes!(layouts::show, named_layouts::list))
+        .routes(routes!(
+            named_layouts::put,
+            named_layouts::show,
+            named_layouts::remove
+        ))
         .routes(routes!(models::create, models::list))
         .routes(routes!(models::show, models::remove))
         .routes(routes!(streams::list))

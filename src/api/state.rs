@@ -18,8 +18,8 @@ use crate::delivery::Destinations;
 use crate::event::EventHub;
 use crate::identity::Provider;
 use crate::store::{
-    AuditLog, Comparisons, Damage, Datasets, Deliveries, Jobs, Mappings, Monitors, Results, Store,
-    Streams, Webhooks,
+    AuditLog, Comparisons, Damage, Datasets, Deliveries, Jobs, Layouts, Mappings, Monitors,
+    Results, Store, Streams, Webhooks,
 };
 use greybox::identification::JobSpec;
 use greybox::identification::assemble::{ExperimentDisturbances, ExperimentTrajectory};
@@ -172,6 +172,7 @@ parts! {
     Datasets: store.datasets(),
     Deliveries: store.deliveries(),
     Jobs: store.jobs(),
+    Layouts: store.layouts(),
     Mappings: store.mappings(),
     Monitors: store.monitors(),
     Results: store.results(),

@@ -18,14 +18,13 @@ use utoipa::{IntoParams, ToSchema};
 use super::ApiState;
 use super::body::scratch_failed;
 use super::client::Client;
-use super::datasets::{
-    FileBytes, ReadingQuery, RecordingDocument, SMALLER, digest, kind_of, reading,
-};
+use super::datasets::{FileBytes, RecordingDocument, SMALLER, digest, kind_of};
 use super::error::{Answer, Kind, Problem};
 use super::extract::{Named, PathName};
 use super::http_headers::{idempotency_key, json, prefers, tagged_json};
 use super::page::{Cursor, Page, PageParams};
 use super::query::{FromQuery, NoQuery, Params, QueryReader};
+use super::reading::{GivenOptions, ReadingQuery};
 use crate::access::{Project, Scope, is_stream_name};
 use crate::monitor::MAX_WINDOW_SAMPLES;
 use crate::store::{
@@ -33,6 +32,7 @@ use crate::store::{
     StreamRemoval, StreamRow, Streams,
 };
 use greybox::intake::{self, Options, ReadingPurpose};
+use greybox::parsing::Fault;
 use greybox::recording::{MAX_SIGNALS, Recording, RecordingSource, Samples};
 use stamps::{invalid, nanoseconds};
 
@@ -77,22 +77,17 @@ pub struct KeepQuery {
     pub keep_mib: Option<u64>,
 }
 
-/// The options of a batch, understood, and as they came.
+/// The options of a batch, and all of its query as it came.
 pub struct BatchQuery {
-    options: Options,
+    options: GivenOptions,
     given: Vec<(&'static str, String)>,
     keep: Keep,
 }
 
 impl FromQuery for BatchQuery {
     fn read(query: &mut QueryReader) -> Self {
-        let mut given = Vec::new();
-        let options = reading(query, &mut given);
-        if options.asks_for_a_grid() {
-            let detail = "a stream keeps each sample at the instant at which it was taken; a job puts \
-                          them on a grid with `instants`";
-            query.fault("grid", "invalid_parameter", detail.to_owned());
-        }
+        let options = GivenOptions::read(query);
+        let mut given = options.as_they_came();
         let seconds = query.number("keep_s");
         if seconds.is_some_and(|seconds| seconds <= 0.0) {
             query.fault("keep_s", "not_positive", "it is not above 0".to_owned());
@@ -166,7 +161,7 @@ pub async fn append(
     let (kind, charset) = kind_of(request.headers())?;
     let key = idempotency_key(request.headers())?;
     let BatchQuery {
-        mut options,
+        options,
         mut given,
         keep,
     } = query;
@@ -175,6 +170,10 @@ pub async fn append(
         let detail = "what a stream keeps is not for a token with the scope `append` to say";
         return Err(Problem::new(Kind::Forbidden, detail));
     }
+    let layouts = state.store.layouts();
+    let options = options.completed(layouts, &client.project).await?;
+    let mut options = options.options()?;
+    check_grid(&options)?;
     if let Some(charset) = charset {
         options.assume_encoding(&charset);
     }
@@ -207,6 +206,17 @@ pub async fn append(
         }),
     };
     answered(&name, state.store.streams().append(new).await?)
+}
+
+/// Refuses a grid: a stream has the instants of its samples.
+fn check_grid(options: &Options) -> Answer<()> {
+    if !options.asks_for_a_grid() {
+        return Ok(());
+    }
+    let detail = "a stream keeps each sample at the instant at which it was taken; a job puts them on a grid with \
+                  `instants`";
+    let fault = Fault::of_parameter("grid", "invalid_parameter", detail);
+    Err(Problem::of_faults(Kind::Invalid, [fault]))
 }
 
 fn answered(name: &str, outcome: BatchOutcome) -> Answer {

@@ -301,16 +301,20 @@ pub(super) fn stored<T>(submitted: Submitted<T>) -> Answer<(T, bool)> {
 
 /// The completed specification, or everything that is wrong with the document.
 async fn read(state: &ApiState, project: &Project, asked: &Asked) -> Answer<JobSpec> {
-    let mut datasets = HashMap::new();
+    let (mut datasets, mut versions) = (HashMap::new(), HashMap::new());
     for id in JobSpec::datasets_named(&asked.document) {
-        let row = state.store.datasets().find(id).await?;
+        let stored = state.store.datasets();
+        let row = stored.find(id).await?;
         if let Some(row) = row.filter(|row| row.project == *project) {
             datasets.insert(id, row.summary.clone());
+            let named = JobSpec::versions_named(&asked.document, id);
+            versions.insert(id, stored.versions_named(id, named).await?);
         }
     }
     let context = Context {
         models: state.library.descriptions(asked),
         datasets: &datasets,
+        versions: Some(&versions),
         max_duration_s: state.limits.max_duration_s,
     };
     JobSpec::read(&asked.document, &context).map_err(Problem::of_document)

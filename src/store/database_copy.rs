@@ -16,7 +16,7 @@ const BYTES_TOGETHER: usize = 1 << 20;
 const ROWS_TOGETHER: usize = 100;
 
 /// What is copied; a table comes after those that its rows belong to.
-pub(super) const TABLES: [&str; 35] = [
+pub(super) const TABLES: [&str; 37] = [
     "jobs",
     "job_labels",
     "job_datasets",
@@ -26,6 +26,7 @@ pub(super) const TABLES: [&str; 35] = [
     "results",
     "datasets",
     "dataset_chunks",
+    "dataset_versions",
     "unfinished_datasets",
     "candidate_records",
     "candidates",
@@ -40,6 +41,7 @@ pub(super) const TABLES: [&str; 35] = [
     "monitor_windows",
     "monitor_alarms",
     "monitor_events",
+    "layouts",
     "mappings",
     "unmapped_series",
     "omf_definitions",

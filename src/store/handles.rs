@@ -21,6 +21,7 @@ use super::events::JobEvents;
 use super::figures::{self, Figures};
 use super::generations::Generations;
 use super::jobs::{JobRow, Jobs};
+use super::layouts::Layouts;
 use super::mappings::Mappings;
 use super::models::Models;
 use super::monitors::Monitors;
@@ -110,6 +111,8 @@ handles! {
     events: JobEvents,
     /// The generations of searches.
     generations: Generations,
+    /// Options for reading tables, by name.
+    layouts: Layouts,
     /// What collecting agents write and where it goes.
     mappings: Mappings,
     /// Models that users wrote.

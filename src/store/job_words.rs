@@ -15,10 +15,39 @@ use greybox::identification::spec::MAX_LABELS;
 pub struct JobWords {
     /// The name, or that the name goes.
     pub name: Option<Option<String>>,
-    /// Labels by their names, or that they go.
-    pub labels: BTreeMap<String, Option<String>>,
+    /// What becomes of the labels.
+    pub labels: LabelChange,
     /// The note, or that the note goes.
     pub note: Option<Option<String>>,
+}
+
+/// A change of a job's labels.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub enum LabelChange {
+    /// Labels by their names, each with its new value or `None` for its removal; other labels stay.
+    Each(BTreeMap<String, Option<String>>),
+    /// Every label goes.
+    RemoveAll,
+}
+
+impl Default for LabelChange {
+    fn default() -> Self {
+        Self::Each(BTreeMap::new())
+    }
+}
+
+impl LabelChange {
+    fn apply(self, labels: &mut BTreeMap<String, String>) {
+        let Self::Each(changes) = self else {
+            return labels.clear();
+        };
+        for (label, value) in changes {
+            match value {
+                Some(value) => labels.insert(label, value),
+                None => labels.remove(&label),
+            };
+        }
+    }
 }
 
 /// What became of a change.
@@ -46,12 +75,7 @@ async fn rename(tx: &mut Tx, id: JobId, words: JobWords) -> Result<Renamed, Stor
     if let Some(name) = words.name {
         row.name = name;
     }
-    for (label, value) in words.labels {
-        match value {
-            Some(value) => row.labels.insert(label, value),
-            None => row.labels.remove(&label),
-        };
-    }
+    words.labels.apply(&mut row.labels);
     if row.labels.len() > MAX_LABELS {
         return Ok(Renamed::TooManyLabels);
     }

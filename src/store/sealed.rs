@@ -14,9 +14,12 @@
 
 pub(super) mod changes;
 pub(super) mod check;
+mod kinds;
 mod seal;
 mod tables;
 
+#[cfg(test)]
+pub(super) use kinds::sealed_tables;
 #[cfg(test)]
 pub(super) use seal::Column;
 pub(super) use seal::Sealed;

@@ -236,6 +236,7 @@ impl RecordedWindow<'_> {
         read(&Context {
             models: self.models.clone(),
             datasets: &datasets,
+            versions: None,
             max_duration_s: NO_LIMIT,
         })
     }

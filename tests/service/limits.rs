@@ -160,6 +160,7 @@ fn numbers_at_the_described_limits_are_taken_and_numbers_beyond_them_refused() {
     let context = Context {
         models: catalogue.iter().map(|model| model.description()).collect(),
         datasets: &datasets,
+        versions: None,
         max_duration_s: f64::INFINITY,
     };
     let job = json!({

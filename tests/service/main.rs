@@ -10,6 +10,7 @@ mod candidates;
 mod cluster;
 mod comparisons;
 
+mod dataset_versions;
 mod datasets;
 
 mod designs;
@@ -50,6 +51,7 @@ mod quad_tank;
 
 mod streams;
 
+mod named_layouts;
 mod origin;
 
 mod quotas;

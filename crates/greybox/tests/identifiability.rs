@@ -175,6 +175,7 @@ fn a_box_that_is_mostly_unstable_is_looked_at_to_the_end_and_its_failures_are_to
     let context = Context {
         models: vec![model.model.description()],
         datasets: &HashMap::from([(dataset, recording.summary())]),
+        versions: None,
         max_duration_s: f64::INFINITY,
     };
     let spec = JobSpec::read(&job, &context).unwrap_or_else(|faults| panic!("{faults:?}"));

@@ -26,6 +26,7 @@ mod source;
 mod split;
 mod stillness;
 mod summary;
+mod version;
 mod warning;
 
 pub use axis::TimeAxis;
@@ -49,4 +50,5 @@ pub use source::RecordingSource;
 pub use split::{Split, TimeWindow};
 pub use stillness::stands_still;
 pub use summary::{Conversion, SignalSummary, Summary};
+pub use version::{Mark, RecordingVersion};
 pub use warning::{TimeSpan, Warning};

@@ -37,6 +37,7 @@ pub(super) async fn check(
     let context = Context {
         models: state.library.descriptions(&asked),
         datasets: &datasets,
+        versions: None,
         max_duration_s: state.limits.max_duration_s,
     };
     let job = spec.job.job(dataset, &context);

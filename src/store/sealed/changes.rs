@@ -3,8 +3,8 @@
 //! A row that is new, and one that changes, has no seal: triggers of the database see to that. An index, which is
 //! empty between transactions, holds the rows without a seal.
 
+use super::kinds::CHANGING;
 use super::seal::Sealed;
-use super::tables::CHANGING;
 use crate::store::StoreError;
 use crate::store::database::{Connection, QueryBuilder, Row, Value};
 

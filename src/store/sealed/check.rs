@@ -3,7 +3,7 @@
 use futures_util::TryStreamExt;
 use sqlx::postgres::PgConnectOptions;
 
-use super::tables::sealed_tables;
+use super::kinds::sealed_tables;
 use crate::store::database::postgres::Use;
 use crate::store::database::{Losses, Pool, query_scalar};
 use crate::store::{AuditHead, StoreError, audit, derived, schema_version};

@@ -356,6 +356,22 @@ pub(in crate::store) const OMF_DEFINITIONS: Sealed = Sealed {
     seal: "seal",
 };
 
+pub(in crate::store) const DATASET_VERSIONS: Sealed = Sealed {
+    what: "version of a recording",
+    table: "dataset_versions",
+    key: &[Text("dataset"), Integer("number")],
+    content: &[Text("marks"), Text("made_by"), Text("created_at")],
+    seal: "seal",
+};
+
+pub(in crate::store) const LAYOUTS: Sealed = Sealed {
+    what: "layout",
+    table: "layouts",
+    key: &[Text("project"), Text("name")],
+    content: &[Text("options"), Text("created_at"), Text("changed_at")],
+    seal: "seal",
+};
+
 /// What of a token changes.
 pub(in crate::store) const TOKEN_STATES: Sealed = Sealed {
     what: "state",
@@ -434,56 +450,3 @@ pub(in crate::store) const NODES: Sealed = Sealed {
     ],
     seal: "seal",
 };
-
-/// All tables whose rows are sealed.
-pub(in crate::store) fn sealed_tables() -> impl Iterator<Item = &'static Sealed> {
-    LASTING.into_iter().chain(CHANGING)
-}
-
-/// The tables whose rows last as they are, or are sealed by whoever writes them.
-const LASTING: [&Sealed; 18] = [
-    &JOBS,
-    &DATASETS,
-    &DATASET_CHUNKS,
-    &STREAM_BLOCKS,
-    &STREAM_EXTREMES,
-    &CHECKPOINTS,
-    &RESULTS,
-    &EVENTS,
-    &GENERATIONS,
-    &CANDIDATE_RECORDS,
-    &CANDIDATES,
-    &MONITORS,
-    &MONITOR_WINDOWS,
-    &MONITOR_ALARMS,
-    &MONITOR_EVENTS,
-    &MODELS,
-    &TOKENS,
-    &SHARED_PARTS,
-];
-
-/// The tables that are sealed at the end of each transaction.
-pub(in crate::store) const CHANGING: [&Sealed; 22] = [
-    &JOB_STATES,
-    &JOB_LABELS,
-    &JOB_DATASETS,
-    &DATASET_SIZES,
-    &MODEL_SOURCES,
-    &COMPARISONS,
-    &COMPARISON_JOBS,
-    &KEYS,
-    &SIGNAL_LISTS,
-    &STREAM_BATCHES,
-    &STREAMS,
-    &MONITOR_STATES,
-    &MONITOR_WINDOW_JOBS,
-    &MAPPINGS,
-    &UNMAPPED_SERIES,
-    &OMF_DEFINITIONS,
-    &TOKEN_STATES,
-    &SESSIONS,
-    &PROJECT_DAYS,
-    &WEBHOOKS,
-    &DELIVERIES,
-    &NODES,
-];

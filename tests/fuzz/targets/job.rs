@@ -29,6 +29,7 @@ fuzz_target!(|bytes: &[u8]| {
     let context = Context {
         models: MODELS.iter().map(|model| model.description()).collect(),
         datasets: &DATASETS,
+        versions: None,
         max_duration_s: 3600.0,
     };
     let Ok(spec) = JobSpec::read(&document, &context) else {

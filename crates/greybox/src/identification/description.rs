@@ -241,6 +241,7 @@ impl Identification {
         let context = Context {
             models: models.iter().map(|model| model.description()).collect(),
             datasets: &datasets,
+            versions: None,
             max_duration_s: f64::INFINITY,
         };
         let spec = JobSpec::read(&job, &context)?;

@@ -4,7 +4,7 @@
 //! completes every default, so that the stored specification says everything that made a result
 //! and reads back to itself.
 
-use std::collections::{BTreeMap, HashMap};
+use std::collections::{BTreeMap, BTreeSet};
 
 use serde::{Deserialize, Serialize};
 use serde_json::Value;
@@ -17,10 +17,10 @@ use crate::estimation::Settings;
 pub use crate::estimation::settings::MethodName;
 use crate::uncertainty::{self, Intervals, SoughtNoise};
 use greybox_numerics::parsing::Fault;
-use greybox_recording::Summary;
 use greybox_simulation::model::{ModelDescription, Tolerance, ToleranceText};
 
 mod constraints;
+mod context;
 pub mod design;
 mod entries;
 mod exclude;
@@ -40,12 +40,14 @@ mod process_noise;
 pub mod selection;
 mod tolerances;
 mod validation;
+mod version;
 mod window;
 
 pub mod simulation;
 #[cfg(test)]
 mod tests;
 
+pub use context::Context;
 pub use experiment::{ExperimentRole, ExperimentSpec, MAX_EXPERIMENTS};
 pub use initial_state::{FirstSample, FreeState, InitialStateSpec, StateRange};
 pub use joint_prior::JointPriorSpec;
@@ -62,6 +64,7 @@ pub use process_noise::{
     NoiseRange, ProcessNoiseSpec,
 };
 pub use validation::ValidationSpec;
+pub use version::{MAX_MARKS, MAX_VERSION, NewVersion, RecordingVersions, read_new_version};
 pub use window::WindowSpec;
 
 use greybox_numerics::parsing::reader::{Field, Object, read_document};
@@ -172,16 +175,6 @@ pub struct JobSpec {
     /// Where every random number comes from; drawn when absent.
     #[schema(required = false, maximum = 9007199254740991_i64)]
     pub seed: u64,
-}
-
-/// What a document is read against.
-pub struct Context<'a> {
-    /// The models that there are.
-    pub models: Vec<&'a ModelDescription>,
-    /// The recordings that the document may name; see [`JobSpec::datasets_named`].
-    pub datasets: &'a HashMap<DatasetId, Summary>,
-    /// The longest computing time that a job may ask for `[s]`.
-    pub max_duration_s: f64,
 }
 
 impl JobSpec {
@@ -326,6 +319,18 @@ impl JobSpec {
         ids.dedup();
         ids
     }
+
+    /// The numbers of the versions of a recording that a document names.
+    #[must_use]
+    pub fn versions_named(document: &Value, recording: DatasetId) -> BTreeSet<u32> {
+        let experiments = document.get("experiments").and_then(Value::as_array);
+        let experiments = experiments.into_iter().flatten().take(MAX_EXPERIMENTS);
+        let of_recording = experiments.filter(|experiment| {
+            let dataset = experiment.get("dataset").and_then(Value::as_str);
+            dataset.is_some_and(|dataset| dataset.parse() == Ok(recording))
+        });
+        of_recording.filter_map(version::named).collect()
+    }
 }
 
 const NOTHING_TO_ESTIMATE: &str = "every parameter and every initial state is fixed: there is nothing \
@@ -341,7 +346,7 @@ fn read_spec(document: &Field<'_>, context: &Context<'_>) -> Option<JobSpec> {
         .and_then(|field| read_model(&field, &context.models));
     let experiments = root
         .required("experiments")
-        .and_then(|field| experiment::read_all(&field, model, context.datasets));
+        .and_then(|field| experiment::read_all(&field, model, context));
     let parameters = root.optional("parameters");
     let parameters = model.map(|model| parameter::read_all(parameters.as_ref(), model));
     let model_search = root.optional("model_search");

@@ -57,6 +57,9 @@ pub fn render(report: &Report<'_>) -> String {
             ),
         );
     }
+    for sentence in super::left_out::sentences(&report.spec.experiments) {
+        push(&mut text, format_args!("\n{sentence}\n"));
+    }
     let engine = &outcome.engine;
     push(
         &mut text,

@@ -8,6 +8,7 @@
 pub mod chart;
 mod facts;
 mod html;
+mod left_out;
 pub mod markdown;
 mod plots;
 mod posterior;

@@ -3,6 +3,7 @@
 
 use super::facts::Report;
 use super::html::{escape, number, push};
+use super::left_out;
 use crate::identification::spec::{ExperimentRole, ParameterSpec};
 use greybox_numerics::digits::significant;
 use greybox_simulation::model::Tolerance;
@@ -95,7 +96,11 @@ pub fn recordings(page: &mut String, report: &Report<'_>) {
             ),
         );
     }
-    page.push_str("</table></div>\n</section>\n");
+    page.push_str("</table></div>\n");
+    for sentence in left_out::sentences(&report.spec.experiments) {
+        push(page, format_args!("<p>{}</p>\n", escape(&sentence)));
+    }
+    page.push_str("</section>\n");
 }
 
 /// The parameters that were not estimated, with how well each is known, and the effects that the data did not

@@ -123,7 +123,7 @@ pub(super) enum GridOption {
 }
 
 impl Options {
-    /// The options by their names, in the order in which a digest counts them.
+    /// The options by their names but for `time`, in the order in which a digest counts them.
     pub const NAMES: [&'static str; 18] = [
         "format",
         "tz",
@@ -151,6 +151,10 @@ impl Options {
     /// A sentence on what is wrong with `text`.
     pub fn set(&mut self, option: &str, text: &str) -> Result<(), String> {
         match option {
+            "time" => {
+                self.time = Some(text.to_owned());
+                return Ok(());
+            }
             "format" => self.format = Some(Format::named(text)?),
             "tz" => self.zone = Some((text.to_owned(), zone(text)?)),
             "time_unit" => self.time_unit = Some(time_unit(text)?),

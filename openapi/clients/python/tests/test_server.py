@@ -73,6 +73,20 @@ def test_a_frame_becomes_an_estimate_and_a_plot(api):
 
 
 @needs_server
+def test_what_is_marked_is_left_out(api):
+    frame = recorded(200, pd.Index([0.1 * k for k in range(200)]))
+    frame.loc[6.0:8.0, "y"] += 3.0
+    recording = api.upload(frame, name="a loose sensor", units={"u": "V", "y": "V"})
+    assert recording.version()["marks"] == []
+    marked = recording.mark(5.95, 8.05, "sensor loose", ["y"])
+    assert (marked["number"], recording.version()["marks"]) == (1, marked["marks"])
+    result = api.submit(LAG, recording, estimate={"gain": (0.5, 5)}, method=METHOD, seed=1).result(timeout_s=120)
+    assert abs(result.parameters.loc["gain", "estimate"] - 2) < 0.05
+    assert recording.mark_all([])["number"] == 2
+    assert recording.version(1)["marks"] == marked["marks"]
+
+
+@needs_server
 def test_a_refusal_says_where(api):
     with pytest.raises(Problem) as refused:
         api.submit("single_rod_servoo", "ds_00000000000000000000000000000000")

@@ -3,15 +3,18 @@
 // plots, where windows of the recording are chosen for a new job.
 
 import { clockOf } from "../plot/clock.js";
-import { PlotGroup, WindowChooser } from "../plot/group.js";
-import { specifiedWindow, withGaps } from "../plot/math.js";
-import { plot } from "../plot/plot.js";
+import { WindowChooser } from "../plot/group.js";
+import { specifiedWindow } from "../plot/math.js";
 import { download } from "../plot/save.js";
 import { recordedUnit, toShown } from "../plot/units.js";
 import { get, items, query, request, send } from "../shell/api.js";
-import { facts, h, notice, table, warningList } from "../shell/dom.js";
+import { facts, h, notice, table } from "../shell/dom.js";
 import { count, duration, instant, number, quantity, unitText, words } from "../shell/format.js";
 import { prepare } from "../shell/prepared.js";
+import { Marking } from "./marking.js";
+import { partAround } from "./marks.js";
+import { signalPlots } from "./plots.js";
+import { qualityList } from "./quality.js";
 import { uploader } from "./upload.js";
 
 const PLOTS_AT_ONCE = 8;
@@ -23,6 +26,7 @@ const COLUMNS = [
   { title: "Sample time", numeric: true },
   { title: "Signals" },
   { title: "Warnings", numeric: true },
+  { title: "Marks" },
   { title: "Created" },
 ];
 
@@ -73,6 +77,7 @@ function datasetRow(dataset) {
     sampleTime(dataset),
     (dataset.signals ?? []).map((signal) => words(signal.name)).join(", "),
     warnings ? String(warnings) : "none",
+    dataset.version > 0 ? `version ${dataset.version}` : "none",
     instant(dataset.created_at),
   ];
 }
@@ -98,7 +103,10 @@ export function showDataset(view, id) {
 
 function datasetParts(view, dataset, outcome) {
   const warnings = dataset.report?.warnings ?? [];
-  const windows = windowsOfNewJob(view, dataset);
+  const marking = new Marking(view, dataset);
+  const windows = windowsOfNewJob(view, dataset, marking);
+  const samples = samplesPart(view, dataset, outcome, windows.chooser);
+  marking.join(windows.chooser, samples);
   return [
     h(
       "div",
@@ -117,7 +125,8 @@ function datasetParts(view, dataset, outcome) {
       ["Digest", h("code", { class: "digest" }, dataset.digest)],
     ]),
     h("h2", {}, "Quality"),
-    warnings.length ? warningList(warnings) : h("p", {}, "No warnings."),
+    warnings.length ? qualityList(warnings, marking) : h("p", {}, "No warnings."),
+    marking.versions.element,
     h("h2", {}, "Signals"),
     table(
       "Signals",
@@ -134,12 +143,12 @@ function datasetParts(view, dataset, outcome) {
       }),
       { stacked: true },
     ),
-    plots(view, dataset, outcome, windows.chooser),
+    samples.element,
   ];
 }
 
 // The windows that are chosen on the page of a recording become the experiments of a new job.
-function windowsOfNewJob(view, dataset) {
+function windowsOfNewJob(view, dataset, marking) {
   const windows = [];
   const start = h("a", { class: "button primary", href: `#/new?dataset=${dataset.id}` });
   const draw = () => {
@@ -155,7 +164,8 @@ function windowsOfNewJob(view, dataset) {
   const chooser = new WindowChooser({
     dataset,
     signal: view.signal,
-    drags: ["look", "estimation", "validation"],
+    drags: ["look", "estimation", "validation", "mark"],
+    acts: { mark: marking.drags },
     add: (window) => replace(windows.length, window),
     change: (k, window) => replace(k, window),
     remove: (k) => replace(k),
@@ -175,8 +185,10 @@ function windowsOfNewJob(view, dataset) {
   return { start, chooser };
 }
 
-function plots(view, dataset, outcome, chooser) {
+// The plots of the samples. `show(span, name)` shows a place on all of them, and comes to the plot of the signal.
+function samplesPart(view, dataset, outcome, chooser) {
   const place = h("div", {});
+  const parts = [];
   const names = dataset.signals.map((signal) => signal.name);
   const more = h("button", { type: "button", hidden: true }, "Plot more signals");
   const draw = () => {
@@ -184,85 +196,42 @@ function plots(view, dataset, outcome, chooser) {
     more.hidden = names.length === 0;
     const failed = (error) => outcome.fail(error);
     const part = signalPlots({ view, dataset, names: batch, failed, onBrush: chooser.onBrush });
+    parts.push(part);
     chooser.follow(part);
     place.append(part.element);
   };
   more.addEventListener("click", draw);
   draw();
-  return h(
-    "section",
-    { "aria-label": "Samples" },
-    h("h2", {}, "Samples"),
-    h("p", { class: "quiet" }, "Windows that are chosen here become the experiments of a new job."),
-    chooser.element,
-    place,
-    more,
-  );
-}
-
-// Plots signals over a common time and shades what the quality report says about them. `onBrush` and
-// `spans` are handed to each plot.
-export function signalPlots({ view, dataset, names, failed, onBrush = null, spans = [], height = 220 }) {
-  // The address separates the names of signals by commas, so a name with a comma in it can only be had
-  // by asking for all signals.
-  const signals = names.some((name) => name.includes(",")) ? null : names.join(",");
-  const group = new PlotGroup({
-    full: [0, dataset.duration_s],
-    clock: clockOf(dataset),
-    signal: view.signal,
-    failed,
-    load: async (from, to, pixels, abort) => {
-      const points = { max_points: Math.min(100_000, 2 * names.length * pixels) };
-      return (
-        await get(`/v1/datasets/${dataset.id}/samples${query({ signals, from, to, ...points })}`, abort)
-      ).data;
-    },
-  });
-  const drawn = names.map((name) => {
-    const signal = dataset.signals.find((signal) => signal.name === name);
-    const chart = plot({
-      title: words(name),
-      height,
-      x: { label: "time", unit: "s" },
-      y: { label: words(name), unit: signal.unit, recorded: recordedUnit(signal) },
-      onBrush,
-      group,
-      signal: view.signal,
-      spans: [...spans, ...oddSpans(dataset, name)],
-      series: [{ name: words(name), look: "first", step: signal.interpolation === "hold" }],
-    });
-    const gaps = oddSpans(dataset, name).filter(({ kind }) => kind === "missing");
-    group.feed(chart, ({ time_s: time, signals: columns }) => {
-      const [times, values] = withGaps(time, columns[name].values, gaps);
-      return [times, [values]];
-    });
-    return { name, chart };
-  });
+  const chartOf = (name) => {
+    while (names.includes(name)) {
+      draw();
+    }
+    const drawn = parts.flatMap((part) => part.drawn);
+    return (drawn.find((entry) => entry.name === name) ?? drawn[0]).chart;
+  };
   return {
-    group,
-    drawn,
-    ready: group.start(),
+    chartOf,
+    show(span, name) {
+      const { element } = chartOf(name);
+      for (const { group } of parts) {
+        group.show(partAround(span, dataset.sample_time_s));
+      }
+      element.scrollIntoView({ block: "center" });
+    },
     element: h(
-      "div",
-      {},
-      group.toolbar,
-      drawn.map(({ chart }) => chart.element),
+      "section",
+      { "aria-label": "Samples" },
+      h("h2", {}, "Samples"),
+      h(
+        "p",
+        { class: "quiet" },
+        "Windows that are chosen here become the experiments of a new job, which leave out what is marked as bad.",
+      ),
+      chooser.element,
+      place,
+      more,
     ),
   };
-}
-
-// These spans are where the quality report finds a signal odd.
-export function oddSpans(dataset, name) {
-  const about = (dataset.report?.warnings ?? []).filter(
-    ({ signal }) => signal === null || signal === undefined || signal === name,
-  );
-  return about.flatMap(({ code, spans }) =>
-    (spans ?? []).map(({ from_s, to_s }) => ({
-      from: from_s,
-      to: to_s,
-      kind: /missing|gap/.test(code) ? "missing" : "bad",
-    })),
-  );
 }
 
 async function saveCsv(dataset, outcome) {

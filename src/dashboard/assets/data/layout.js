@@ -6,6 +6,7 @@
 import { query, request } from "../shell/api.js";
 import { h, keepingFocus, quoted } from "../shell/dom.js";
 import { count, unitText, words } from "../shell/format.js";
+import { parametersOf } from "./layouts.js";
 import {
   changesOfKind,
   changesOfRole,
@@ -26,8 +27,9 @@ const HEAD_BYTES = 65_536;
 const COLUMNS_SHOWN = 60;
 const KIND_WORDS = { titles: "titles", units: "units", left_out: "left out", data: "data" };
 
-// The part shows the first rows of a file. `form.values()` gives the options by their names, `form.put(option, text)`
-// sets a field, and `form.answered(faults)` is called with what the server refuses in the rows.
+// The part shows the first rows of a file. `form.values()` gives the options by their names, `form.saved()` the
+// layout that is chosen, `form.put(changes)` sets fields and has the server asked again, and `form.answered(faults)`
+// is called with what the server refuses in the rows.
 export class LayoutPart {
   constructor(form, signal) {
     this.form = form;
@@ -73,8 +75,9 @@ export class LayoutPart {
   async ask() {
     this.asking = new AbortController();
     const values = this.form.values();
+    const parameters = parametersOf(values, this.form.saved());
     try {
-      const { data } = await request("POST", `/v1/layouts${query(values)}`, {
+      const { data } = await request("POST", `/v1/layouts${query(parameters)}`, {
         body: this.file.head,
         signal: AbortSignal.any([this.asking.signal, this.signal]),
         headers: { "content-type": this.file.type },
@@ -82,21 +85,29 @@ export class LayoutPart {
       this.show(data, values);
     } catch (error) {
       if (error.name !== "AbortError") {
-        this.fail(error);
+        this.fail(error, parameters);
       }
     }
   }
 
-  // Rows that were shown stay while an option is refused. Whatever else goes wrong, the file can be uploaded
-  // without its rows being shown.
-  fail({ status, message, errors }) {
-    const isRefusal = [400, 422].includes(status) && !this.element.hidden;
-    isRefusal ? this.refuse(errors.length ? errors : [{ detail: message }]) : this.hide();
+  // Rows that were shown stay while an option is refused, and a refused option is told where no rows were shown.
+  // Whatever else goes wrong, the file can be uploaded without its rows being shown.
+  fail({ status, message, errors = [] }, parameters) {
+    const isTold = !this.element.hidden || errors.some(({ parameter }) => parameters[parameter]);
+    if (isTold && [400, 422].includes(status)) {
+      this.element.hidden = false;
+      this.refuse(errors.length ? errors : [{ detail: message }]);
+    } else {
+      this.hide();
+    }
   }
 
   hide() {
     this.element.hidden = true;
-    this.refusal.replaceChildren();
+    this.box.hidden = true;
+    for (const part of [this.sentence, this.choices, this.box, this.refusal]) {
+      part.replaceChildren();
+    }
   }
 
   /** @param {import("./roles.js").Answer} answer */
@@ -134,14 +145,8 @@ export class LayoutPart {
     this.form.answered(faults);
   }
 
-  change(changes) {
-    for (const [option, text] of Object.entries(changes)) {
-      this.form.put(option, text);
-    }
-    this.soon();
-  }
-
   draw(layout) {
+    this.box.hidden = false;
     this.sentence.textContent = sentenceOf(layout.answer);
     this.choices.replaceChildren(...this.choicesOf(layout));
     this.box.replaceChildren(this.tableOf(layout));
@@ -155,10 +160,6 @@ export class LayoutPart {
       ["long", "one sample of one signal"],
     ];
     const kind = isLong(answer) ? "long" : "wide";
-    const back = () => {
-      this.change(Object.fromEntries(LAYOUT_OPTIONS.map((option) => [option, ""])));
-      this.box.focus();
-    };
     const hidden = answer.columns.length - COLUMNS_SHOWN;
     return [
       hasKind
@@ -168,15 +169,27 @@ export class LayoutPart {
             "Each row holds",
             h(
               "select",
-              { onchange: ({ target }) => this.change(changesOfKind(layout, target.value)) },
+              { onchange: ({ target }) => this.form.put(changesOfKind(layout, target.value)) },
               kinds.map(([value, text]) => h("option", { value, selected: value === kind }, text)),
             ),
           )
         : h("p", {}, `Format: ${words(answer.format)}.`),
-      LAYOUT_OPTIONS.some((option) => values[option]) &&
-        h("button", { type: "button", onclick: back }, "Back to what the file tells"),
+      this.wayBack(values),
       hidden > 0 && h("p", { class: "quiet" }, `${count(hidden)} more columns are not shown.`),
     ].filter(Boolean);
+  }
+
+  // What was chosen at the rows is taken back to what the chosen layout says, or to what the file tells.
+  wayBack(values) {
+    const saved = this.form.saved();
+    const before = Object.fromEntries(LAYOUT_OPTIONS.map((option) => [option, saved?.options[option] ?? ""]));
+    const back = () => {
+      this.form.put(before);
+      this.box.focus();
+    };
+    const isChanged = LAYOUT_OPTIONS.some((option) => values[option] !== before[option]);
+    const text = saved ? "Back to what the layout says" : "Back to what the file tells";
+    return isChanged && h("button", { type: "button", onclick: back }, text);
   }
 
   tableOf(layout) {
@@ -231,7 +244,7 @@ export class LayoutPart {
         "select",
         {
           "aria-label": `Role of column ${k + 1}, ${name}`,
-          onchange: ({ target }) => this.change(changesOfRole(layout, k, target.value)),
+          onchange: ({ target }) => this.form.put(changesOfRole(layout, k, target.value)),
         },
         options,
         doubt,
@@ -272,7 +285,7 @@ export class LayoutPart {
       "select",
       {
         "aria-label": `What line ${line} is`,
-        onchange: ({ target }) => this.change(changesOfRow(layout, line, target.value)),
+        onchange: ({ target }) => this.form.put(changesOfRow(layout, line, target.value)),
       },
       options,
       isOpen(layout.answer, option) && doubted(KIND_WORDS[kind]),

@@ -2,6 +2,7 @@
 // The page of a single job shows its state and the actions on it, the progress of the search, and the
 // result.
 
+import { versionName } from "../data/marks.js";
 import { badge, trustBadge } from "../list/rows.js";
 import { get, send } from "../shell/api.js";
 import { facts, h, notice, problemBox } from "../shell/dom.js";
@@ -205,7 +206,9 @@ function linkNamed(list, id) {
 }
 
 function about(job) {
-  const ids = [...new Set((job.spec?.experiments ?? []).map(({ dataset }) => dataset))];
+  const experiments = job.spec?.experiments ?? [];
+  const ids = [...new Set(experiments.map(({ dataset }) => dataset))];
+  const versions = experiments.flatMap(({ version }) => (version ? [versionName(version)] : []));
   const datasets = ids.map((id) => linkNamed("datasets", id));
   const { selection, from, to } = job.spec ?? {};
   // The job that this one follows stands with the result.
@@ -220,6 +223,7 @@ function about(job) {
       datasets.length > 1 ? "Datasets" : "Dataset",
       datasets.length ? datasets.flatMap((link) => [link, " "]) : null,
     ],
+    ["Marks left out", [...new Set(versions)].join(", ")],
     ["Stream", selection && h("a", { href: streamAddress(selection.stream) }, selection.stream)],
     ["For the job", selection && linkNamed("jobs", selection.job)],
     ["Time", selection && timeSpan(from, to)],

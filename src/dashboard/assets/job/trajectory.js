@@ -5,6 +5,7 @@
 
 import { clockOf } from "../plot/clock.js";
 import { PlotGroup } from "../plot/group.js";
+import { isAbout, shadedSpans } from "../plot/math.js";
 import { plot } from "../plot/plot.js";
 import { recordedUnit } from "../plot/units.js";
 import { get, query } from "../shell/api.js";
@@ -80,7 +81,9 @@ function draw({ place, id, job, experiment, k, number, recording, signal, outcom
   const x = { label: "time", unit: "s" };
   const signalNamed = (name) => recording?.signals.find((entry) => entry.name === name);
   for (const name of outputs) {
-    const recorded = recordedUnit(signalNamed(specification.signals?.[name] ?? name));
+    const column = specification.signals?.[name] ?? name;
+    const recorded = recordedUnit(signalNamed(column));
+    const spansOfOutput = spans.filter(isAbout(column));
     const { unit, deviation } = experiment.outputs[name];
     // The band is where the simulated output lies with 95 % under the errors of the estimates.
     const band = deviation
@@ -95,7 +98,7 @@ function draw({ place, id, job, experiment, k, number, recording, signal, outcom
       y: { label: words(name), unit, recorded },
       height: 340,
       group,
-      spans,
+      spans: spansOfOutput,
       signal,
       series: [{ name: "measured", look: "measured" }, { name: "simulated", look: "simulated" }, ...band],
       bands: deviation ? [{ upper: 3, lower: 2, look: "simulated" }] : [],
@@ -106,7 +109,7 @@ function draw({ place, id, job, experiment, k, number, recording, signal, outcom
       y: { label: "residual", unit, difference: true, recorded },
       height: 230,
       group,
-      spans,
+      spans: spansOfOutput,
       signal,
       series: [{ name: "residual", look: "second" }],
     });
@@ -130,7 +133,7 @@ function draw({ place, id, job, experiment, k, number, recording, signal, outcom
       y: { label: words(input), unit: "", recorded: recordedUnit(signalNamed(name)) },
       height: 210,
       group,
-      spans,
+      spans: spans.filter(isAbout(name)),
       signal,
       series: [{ name: words(input), look: "first", step: true }],
     });
@@ -178,17 +181,14 @@ async function read({ id, k, experiment, inputs, full, from, to, pixels, abort, 
   return { shown: data.experiments[0], driving: recorded };
 }
 
-// The shaded spans are the parts of an experiment that are held back or left out.
-function shaded(experiment, specification, full) {
-  const spans = (specification.exclude?.spans ?? []).map(({ from_s, to_s }) => ({
-    from: from_s,
-    to: to_s,
-    kind: "excluded",
-  }));
+// The shaded spans are the parts of an experiment that are held back or left out: by the job itself, or by the version
+// of the recording's marks that the job was worked on.
+function shaded(experiment, { exclude, version, role }, full) {
+  const spans = shadedSpans([...(exclude?.spans ?? []), ...(version?.marks ?? [])]);
   const until = experiment.estimation_until_s;
-  const all = specification.role === "validation";
+  const all = role === "validation";
   if (all || (until !== null && until < full[1])) {
-    spans.push({ from: all ? full[0] : until, to: full[1], kind: "held" });
+    spans.push({ from: all ? full[0] : until, to: full[1], kind: "held", signals: null });
   }
   return spans;
 }

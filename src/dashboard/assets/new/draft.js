@@ -2,6 +2,7 @@
 // The draft of a job is its specification; the form and the JSON are two views of the same
 // specification. The functions are pure, so that they can be tested without a page.
 
+import { numberOfVersion } from "../data/marks.js";
 import { suggestSignals } from "../model/signals.js";
 
 export function experimentOf(dataset, model) {
@@ -10,15 +11,17 @@ export function experimentOf(dataset, model) {
 }
 
 // Gives the recordings of the experiments, each with the places of its windows in the list: experiments of
-// the same recording that see the same signals and leave out the same samples are windows of it.
+// the same recording that see the same signals and leave out the same samples are windows of it. A version of the
+// marks is a number, or an object in a specification that the server has completed.
 /**
  * @param {any[]} experiments
  * @returns {{ dataset: string, places: number[] }[]}
  */
 export function recordingsOfDraft(experiments) {
   const groups = new Map();
-  experiments.forEach(({ dataset, signals = {}, exclude = null }, k) => {
-    const key = JSON.stringify([dataset, Object.entries(signals ?? {}).sort(), exclude]);
+  experiments.forEach(({ dataset, signals = {}, version = null, exclude = null }, k) => {
+    const number = numberOfVersion(version) ?? null;
+    const key = JSON.stringify([dataset, Object.entries(signals ?? {}).sort(), number, exclude]);
     const group = groups.get(key);
     group ? group.places.push(k) : groups.set(key, { dataset, places: [k] });
   });

@@ -2,16 +2,17 @@
 // This part of the form chooses the recordings of a new job, the windows of each with their roles, and the
 // signals that the model sees. Each window is an experiment.
 
-import { signalPlots } from "../data/datasets.js";
+import { signalPlots } from "../data/plots.js";
 import { uploader } from "../data/upload.js";
 import { inputSet, likeness } from "../model/signals.js";
 import { WindowChooser } from "../plot/group.js";
-import { partWithin, specifiedWindow } from "../plot/math.js";
+import { partWithin, shadedSpans, specifiedWindow } from "../plot/math.js";
 import { namesIn } from "../shell/description.js";
 import { h, notice } from "../shell/dom.js";
 import { count, duration, number, words } from "../shell/format.js";
 import { changed, recordingsOfDraft } from "./draft.js";
 import { heldBack } from "./search.js";
+import { VersionLine } from "./version.js";
 
 const PLOTS_AT_ONCE = 4;
 const CLASSES = {
@@ -122,11 +123,18 @@ class RecordingPart {
       add: (window) => this.add(window),
       change: (k, window) => this.change(this.places[k], window),
       remove: (k) => this.remove(this.places[k]),
-      leaveOut: (part) => this.leaveOut(part),
+      acts: { leave_out: { take: (part) => this.leaveOut(part) } },
+    });
+    this.version = new VersionLine(this.recording, {
+      signal: this.leave.signal,
+      put: (number) => this.put(["version"], number),
+      drawn: () => this.shade(),
+      failed: (error) => this.outcome.fail(error),
     });
     this.element.append(
       this.chooser.element,
       this.plots(),
+      this.version.element,
       this.leftOut,
       h("h3", {}, "What the model sees"),
       this.signals,
@@ -182,8 +190,8 @@ class RecordingPart {
 
   // A further window sees what the windows before it see; settings of a single experiment stay with it.
   add(window) {
-    const { dataset, signals, exclude, instants } = this.experiment;
-    const shared = JSON.parse(JSON.stringify({ dataset, signals, exclude, instants }));
+    const { dataset, signals, version, exclude, instants } = this.experiment;
+    const shared = JSON.parse(JSON.stringify({ dataset, signals, version, exclude, instants }));
     const experiments = [...this.job.spec.experiments];
     experiments.splice(this.places.at(-1) + 1, 0, this.withWindow(shared, window));
     this.job.set({ ...this.job.spec, experiments });
@@ -250,11 +258,7 @@ class RecordingPart {
 
   // What is held back to check is the end of each window that is estimated from.
   shade() {
-    const excluded = (this.experiment.exclude?.spans ?? []).map(({ from_s, to_s }) => ({
-      from: from_s,
-      to: to_s,
-      kind: "excluded",
-    }));
+    const excluded = shadedSpans([...(this.experiment.exclude?.spans ?? []), ...this.version.marks]);
     const share = heldBack(this.job);
     const held = this.windows()
       .filter(({ role }) => share > 0 && role === "estimation")
@@ -281,6 +285,7 @@ class RecordingPart {
       return;
     }
     this.chooser.draw(this.windows(), (k) => `Experiment ${numbers[k]}`);
+    this.version.draw(this.experiment.version);
     this.shade();
     this.drawLeftOut();
     this.drawSignals();

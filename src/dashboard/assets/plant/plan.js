@@ -17,7 +17,7 @@ export function firstEstimated({ experiments = [] }) {
 // and so are the seed and the name, which each window gets by itself.
 export function templateOf(job, stream, model) {
   const { seed, name, experiments, ...rest } = job;
-  const { dataset, window, role, exclude, signals, ...kept } = firstEstimated(job);
+  const { dataset, version, window, role, exclude, signals, ...kept } = firstEstimated(job);
   const classes = exclude?.classes?.length ? { exclude: { classes: exclude.classes } } : {};
   const experiment = { ...kept, ...classes, signals: signalsIn(stream, signals, model) };
   return { ...rest, experiments: [experiment] };

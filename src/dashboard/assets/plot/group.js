@@ -6,7 +6,7 @@
 import { h } from "../shell/dom.js";
 import { number, numberOf } from "../shell/format.js";
 import { AxisWidths } from "./axes.js";
-import { longestUnused, movedWindow, partWithin } from "./math.js";
+import { isAbout, longestUnused, movedWindow, partWithin } from "./math.js";
 import { onUnits, preferClock, showsClock } from "./units.js";
 
 const WAIT_MS = 90;
@@ -185,6 +185,7 @@ const DRAGS = {
   estimation: "chooses a window to estimate from",
   validation: "chooses a window to check with",
   leave_out: "leaves a stretch out",
+  mark: "marks a stretch as bad; a click marks a sample",
   look: "only looks closer",
 };
 // An end of a window is held within so many pixels.
@@ -192,14 +193,17 @@ const HOLD = 9;
 
 // The windows of a recording stand on a bar above its plots and in a list. They are chosen by dragging across
 // a plot, moved and stretched on the bar, and changed by keyboard. `add`, `change` and `remove` store them;
-// `draw()` then shows them, and `shade()` on the plots.
+// `draw()` then shows them, and `shade()` on the plots. `acts` says by the names of drags what further drags do:
+// `take(part, name)` with a part of a signal's plot, `sample(x, name)` with a sample that was clicked, and
+// `end(side, x, name)` with an end that was put at the cursor.
 export class WindowChooser {
-  constructor({ dataset, signal, drags, add, change, remove, leaveOut = (_) => {} }) {
+  constructor({ dataset, signal, drags, add, change, remove, acts = {} }) {
     this.length = dataset.duration_s;
     this.add = add;
     this.change = change;
     this.remove = remove;
     this.windows = [];
+    this.further = [];
     this.current = 0;
     this.blocks = [];
     this.parts = [];
@@ -210,8 +214,9 @@ export class WindowChooser {
     );
     this.onBrush = {
       active: () => this.brushing.value !== "look",
-      take: (part) => (this.brushing.value === "leave_out" ? leaveOut(part) : this.drag(part)),
-      end: (side, x) => this.end(side, x),
+      take: (part, name) => (acts[this.brushing.value]?.take ?? ((part) => this.drag(part)))(part, name),
+      sample: (x, name) => acts[this.brushing.value]?.sample?.(x, name),
+      end: (...end) => (acts[this.brushing.value]?.end ?? ((side, x) => this.end(side, x)))(...end),
     };
     this.track = h("div", { class: "track" });
     this.list = h("div", {});
@@ -481,11 +486,12 @@ export class WindowChooser {
         }));
   }
 
-  // Shades the windows on the plots, beside `further` spans and what is odd about the samples.
-  shade(further = []) {
-    for (const { chart } of this.parts.flatMap(({ drawn }) => drawn)) {
+  // Shades the windows on the plots, beside `further` spans of the signals and what is odd about the samples.
+  shade(further = this.further) {
+    this.further = further;
+    for (const { name, chart } of this.parts.flatMap(({ drawn }) => drawn)) {
       const odd = chart.spans.filter(({ kind }) => kind === "bad" || kind === "missing");
-      chart.setSpans([...this.spans(), ...further, ...odd]);
+      chart.setSpans([...this.spans(), ...further.filter(isAbout(name)), ...odd]);
     }
   }
 }

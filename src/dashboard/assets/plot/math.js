@@ -16,6 +16,34 @@ export function nearest(xs, value) {
   return high < 0 || Math.abs(xs[low] - value) <= Math.abs(xs[high] - value) ? low : high;
 }
 
+// A click is aimed across more carefully than upwards: a pixel across counts like so many pixels up.
+const ACROSS = 4;
+
+/**
+ * Gives the index of the sample that a click at a point in pixels is about, or null where there are no samples.
+ * `at(x, y)` gives the pixels of a sample.
+ *
+ * @param {number[]} xs
+ * @param {(number | null | undefined)[]} ys
+ * @param {[number, number]} point
+ * @param {(x: number, y: number) => number[]} at
+ * @returns {number | null}
+ */
+export function sampleAt(xs, ys, point, at) {
+  let [index, least] = [/** @type {number | null} */ (null), Infinity];
+  xs.forEach((x, k) => {
+    const y = ys[k];
+    if (y !== null && y !== undefined) {
+      const [across, up] = at(x, y);
+      const distance = Math.hypot(ACROSS * (across - point[0]), up - point[1]);
+      if (distance < least) {
+        [index, least] = [k, distance];
+      }
+    }
+  });
+  return index;
+}
+
 // The curve has so many points between two fits.
 const BETWEEN = 24;
 
@@ -118,3 +146,17 @@ export function specifiedWindow({ from, to }, duration) {
   }
   return Object.keys(window).length ? window : undefined;
 }
+
+/** @typedef {{ from_s: number, to_s: number, signals?: string[] | null }} ExcludedSpan */
+
+// The spans that are left out of some signals, or of all where none are named, as plots shade them.
+/** @param {ExcludedSpan[] | undefined} spans @param {string} kind */
+export const shadedSpans = (spans, kind = "excluded") =>
+  (spans ?? []).map(({ from_s, to_s, signals = null }) => ({ from: from_s, to: to_s, kind, signals }));
+
+// Answers whether a span is about a signal.
+/** @param {string} name @returns {(span: { signals?: string[] | null }) => boolean} */
+export const isAbout =
+  (name) =>
+  ({ signals }) =>
+    !signals || signals.includes(name);

@@ -13,28 +13,21 @@
 // legend, where null leaves it out.
 
 import uPlot from "/assets/vendor/uplot-1.6.32.min.js";
-import { h, svg } from "../shell/dom.js";
+import { h } from "../shell/dom.js";
 import { number, quantity } from "../shell/format.js";
 import { logarithmicRange, logarithmicSplits, paddedRange, rangeFromZero, rangeOf, stepsOf } from "./axes.js";
 import { READER } from "./clock.js";
-import { nearest } from "./math.js";
+import { legendOf } from "./legend.js";
+import { nearest, sampleAt } from "./math.js";
 import { saveMenu } from "./save.js";
 import { colour, onTheme, spanColour, width } from "./theme.js";
 import { choices, onUnits, prefer, shownUnit, showsClock, toShown } from "./units.js";
 import { drawWhiskers } from "./whiskers.js";
 
 const CHARACTER = 7.2;
-const SPAN_WORDS = {
-  held: "held back",
-  bad: "odd by the quality report",
-  missing: "missing",
-  window: "used",
-  check: "only checked",
-  excluded: "left out",
-  event: "event",
-  alarm: "alarm",
-};
-
+// Spans that are left out have a cap on top, so that a single sample is seen too.
+const CAPPED = ["excluded", "marked"];
+const CAP = { width: 8, height: 5 };
 export function plot(options) {
   return new Plot(options);
 }
@@ -117,22 +110,9 @@ class Plot {
     this.caption.replaceChildren(
       h("span", { class: "plot-title" }, this.title),
       unit || "",
-      this.legend() ?? "",
+      legendOf(this.series, this.spans) ?? "",
       saveMenu(this),
     );
-  }
-
-  legend() {
-    const drawn = this.series.filter(({ bare, legend }) => !bare && legend !== null);
-    const lines =
-      drawn.length > 1
-        ? drawn.map(({ name, look, legend }) => h("span", {}, swatch(look), legend ?? name))
-        : [];
-    const kinds = [...new Set(this.spans.map(({ kind }) => kind))];
-    const spans = kinds.map((kind) =>
-      h("span", {}, h("i", { class: `swatch ${kind}` }), SPAN_WORDS[kind] ?? kind),
-    );
-    return lines.length + spans.length ? h("span", { class: "legend" }, lines, spans) : null;
   }
 
   changeUnit() {
@@ -234,7 +214,12 @@ class Plot {
     this.surface.classList.toggle("empty", this.isEmpty());
     const data = [this.xs, ...(this.shown.length ? this.shown : this.series.map(() => []))];
     this.chart = new uPlot(this.options(wide), data, this.surface);
-    this.chart.over.addEventListener("dblclick", () => this.zoomTo(null));
+    const { over } = this.chart;
+    over.addEventListener("dblclick", () => this.zoomTo(null));
+    over.addEventListener("pointerdown", () => {
+      this.isDragged = false;
+    });
+    over.addEventListener("click", () => this.clicked());
     this.scale();
   }
 
@@ -307,7 +292,7 @@ class Plot {
         y: false,
         points: { size: 8 },
         focus: { prox: -1 },
-        drag: { x: true, y: false, setScale: false, dist: 5 },
+        drag: { x: true, y: false, setScale: false, dist: 5, click: () => {} },
         bind: { dblclick: () => null },
       },
       hooks: {
@@ -345,6 +330,11 @@ class Plot {
       if (last >= left && first <= left + wide) {
         chart.ctx.fillStyle = spanColour(kind);
         chart.ctx.fillRect(first, top, Math.max(last - first, 2), high);
+        if (CAPPED.includes(kind)) {
+          const reach = Math.max(last - first, CAP.width * devicePixelRatio) / 2;
+          chart.ctx.fillStyle = colour("quiet");
+          chart.ctx.fillRect((first + last) / 2 - reach, top, 2 * reach, CAP.height * devicePixelRatio);
+        }
       }
     }
   }
@@ -354,9 +344,21 @@ class Plot {
     if (wide < 5) {
       return;
     }
+    this.isDragged = true;
     const part = [chart.posToVal(left, "x"), chart.posToVal(left + wide, "x")];
     chart.setSelect({ left: 0, top: 0, width: 0, height: 0 }, false);
     this.onBrush?.active() ? this.onBrush.take(part) : this.zoomTo(part);
+  }
+
+  // A click that ends no dragging is about the sample under it.
+  clicked() {
+    if (this.isDragged || !this.onBrush?.active()) {
+      return;
+    }
+    const { left, top } = this.chart.cursor;
+    const at = (x, y) => [this.chart.valToPos(x, "x"), this.chart.valToPos(y, "y")];
+    const index = sampleAt(this.xs, this.shown[0] ?? [], [left, top], at);
+    index !== null && this.onBrush.sample(this.xs[index]);
   }
 
   zoomTo(part) {
@@ -479,15 +481,7 @@ class Plot {
     return (
       `${this.title}. ${this.x.label} ${from} to ${this.textOf(last, 4)}, ${this.y.label} ` +
       `${number(rangeY[0])} to ${quantity(number(rangeY[1]), this.unit.name)}. Arrow keys read the values, + and − change the part that is shown, Escape shows all.` +
-      (this.onBrush ? " [ and ] put the ends of the window at the cursor." : "")
+      (this.onBrush ? " [ and ] put the ends of the window, or of a mark, at the cursor." : "")
     );
   }
-}
-
-function swatch(look) {
-  return svg(
-    "svg",
-    { width: 22, height: 10, "aria-hidden": "true" },
-    svg("line", { x1: 0, x2: 22, y1: 5, y2: 5, class: `line ${look}` }),
-  );
 }

@@ -39,6 +39,7 @@ export function spanColour(kind) {
     window: "first",
     check: "second",
     excluded: "quiet",
+    marked: "quiet",
     event: "simulated",
     alarm: "bad",
   };

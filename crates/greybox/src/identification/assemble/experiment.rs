@@ -175,9 +175,10 @@ impl Cutter<'_> {
             from_s: window.from_s,
             to_s: window.to_s,
         });
+        let exclude = spec.left_out();
         let selection = RecordingSelection {
             window,
-            exclude: spec.exclude.as_ref(),
+            exclude: exclude.as_deref(),
             instants: spec.instants,
         };
         let data = recording.experiment(&self.mapped(spec), selection);

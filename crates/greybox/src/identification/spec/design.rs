@@ -324,6 +324,7 @@ fn job_to_come(
     let next = ExperimentSpec {
         // Nothing is recorded yet.
         dataset: DatasetId::new(),
+        version: None,
         signals: BTreeMap::new(),
         window: None,
         exclude: None,

@@ -2,7 +2,7 @@
 
 use super::entries;
 use super::window::inside;
-use greybox_numerics::parsing::reader::{Field, did_you_mean};
+use greybox_numerics::parsing::reader::{Field, Object, did_you_mean};
 use greybox_recording::{Exclude, ExcludedClass, ExcludedSpan, Summary};
 
 /// The most spans of one experiment.
@@ -43,10 +43,20 @@ fn read_class(field: &Field<'_>) -> Option<ExcludedClass> {
 
 fn read_span(field: &Field<'_>, recording: Option<&Summary>) -> Option<ExcludedSpan> {
     let mut object = field.object()?;
+    let span = read_bounds(field, &mut object, recording);
+    object.finish();
+    span
+}
+
+/// The bounds and signals of a span, whose object `field` may hold more.
+pub(super) fn read_bounds(
+    field: &Field<'_>,
+    object: &mut Object<'_>,
+    recording: Option<&Summary>,
+) -> Option<ExcludedSpan> {
     let from = object.required("from_s");
     let to = object.required("to_s");
     let signals = object.optional("signals");
-    object.finish();
     let bound = |field: Option<Field<'_>>| {
         let field = field?;
         inside(&field, field.number()?, recording)

@@ -1,14 +1,17 @@
 //! The `experiments` section: which recordings, which of their signals, which part, from where.
 
+use std::borrow::Cow;
 use std::collections::{BTreeMap, HashMap};
 
+use super::context::Context;
 use super::initial_state::{InitialStateSpec, read_initial_state};
+use super::version::{self, RecordingVersions, version_schema};
 use super::window::WindowSpec;
 use super::{ParameterSpec, exclude, parameter, window};
 use crate::identification::DatasetId;
 use greybox_numerics::dimension::Dimension;
 use greybox_numerics::parsing::reader::{Field, Object, did_you_mean, listed};
-use greybox_recording::{Exclude, Instants, Summary};
+use greybox_recording::{Exclude, ExcludedSpan, Instants, Mark, RecordingVersion, Summary};
 use greybox_simulation::model::{ModelDescription, SignalDescription};
 use serde::{Deserialize, Serialize};
 use utoipa::ToSchema;
@@ -19,12 +22,23 @@ pub const MAX_EXPERIMENTS: usize = 32;
 /// Values that the experiments of one job read at the most: recorded samples times signals.
 const MAX_VALUES: usize = 20_000_000;
 
+/// The versions of a recording of which nothing is marked.
+static NO_VERSIONS: RecordingVersions = RecordingVersions {
+    newest: 0,
+    marks: BTreeMap::new(),
+};
+
 /// One recording and how the model sees it.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, ToSchema)]
 #[serde(deny_unknown_fields)]
 pub struct ExperimentSpec {
     /// The stored recording.
     pub dataset: DatasetId,
+    /// The version of the recording, whose marked samples are left out: its number, and what it marks. A number alone
+    /// is enough in a submission; left out, the newest version. 0 is the recording as it came.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    #[schema(schema_with = version_schema)]
+    pub version: Option<RecordingVersion>,
     /// From the model's signals to the recording's; left out, equal names are taken.
     #[serde(default)]
     #[schema(example = json!({"reference": "reference", "position": "position"}))]
@@ -60,6 +74,22 @@ pub struct ExperimentSpec {
     pub start_fit_s: Option<f64>,
 }
 
+impl ExperimentSpec {
+    /// What is left out of the recording: what the experiment excludes, and what the version marks as bad.
+    #[must_use]
+    pub fn left_out(&self) -> Option<Cow<'_, Exclude>> {
+        let exclude = self.exclude.as_ref().map(Cow::Borrowed);
+        let marks = self.version.iter().flat_map(|version| &version.marks);
+        let marked: Vec<ExcludedSpan> = marks.map(Mark::span).collect();
+        if marked.is_empty() {
+            return exclude;
+        }
+        let mut left_out = exclude.unwrap_or_default();
+        left_out.to_mut().spans.extend(marked);
+        Some(left_out)
+    }
+}
+
 /// What an experiment is for.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, ToSchema)]
 #[serde(rename_all = "snake_case")]
@@ -75,7 +105,7 @@ pub enum ExperimentRole {
 pub(super) fn read_all(
     field: &Field<'_>,
     model: Option<&ModelDescription>,
-    datasets: &HashMap<DatasetId, Summary>,
+    context: &Context<'_>,
 ) -> Option<Vec<ExperimentSpec>> {
     let items = field.array()?;
     if items.len() == 0 || items.len() > MAX_EXPERIMENTS {
@@ -86,7 +116,7 @@ pub(super) fn read_all(
         field.fault("out_of_range", detail);
         return None;
     }
-    let read: Vec<_> = items.map(|item| read(&item, model, datasets)).collect();
+    let read: Vec<_> = items.map(|item| read(&item, model, context)).collect();
     let experiments: Vec<ExperimentSpec> = read.into_iter().collect::<Option<_>>()?;
     let validates = |experiment: &ExperimentSpec| experiment.role == ExperimentRole::Validation;
     if experiments.iter().all(validates) {
@@ -95,7 +125,7 @@ pub(super) fn read_all(
     }
     let n_values: usize = experiments
         .iter()
-        .map(|experiment| datasets[&experiment.dataset].samples * experiment.signals.len())
+        .map(|experiment| context.datasets[&experiment.dataset].samples * experiment.signals.len())
         .sum();
     if n_values > MAX_VALUES {
         let detail = format!(
@@ -110,13 +140,17 @@ pub(super) fn read_all(
 fn read(
     field: &Field<'_>,
     model: Option<&ModelDescription>,
-    datasets: &HashMap<DatasetId, Summary>,
+    context: &Context<'_>,
 ) -> Option<ExperimentSpec> {
     let mut object = field.object()?;
     let dataset = object
         .required("dataset")
-        .and_then(|field| read_dataset(&field, datasets));
+        .and_then(|field| read_dataset(&field, context.datasets));
     let recording = dataset.map(|(_, recording)| recording);
+    let version = object.optional("version");
+    let versions = dataset.zip(context.versions);
+    let versions = versions.map(|((id, _), versions)| versions.get(&id).unwrap_or(&NO_VERSIONS));
+    let version = version::read(version.as_ref(), versions, recording);
     let signals = object.optional("signals");
     let signals = match (model, recording) {
         (Some(model), Some(recording)) => {
@@ -167,6 +201,7 @@ fn read(
     object.finish();
     Some(ExperimentSpec {
         dataset: dataset?.0,
+        version,
         signals: signals?,
         window: window.flatten(),
         exclude,

@@ -5,11 +5,12 @@ use std::collections::HashMap;
 use serde_json::{Value, json};
 
 use super::*;
+use greybox_recording::Summary;
 use greybox_simulation::model::{
     InitialState, ParameterDescription, SignalDescription, StateDescription,
 };
 
-const DATASET: &str = "ds_0192d3a4b5c67d8e9f00112233445566";
+pub(super) const DATASET: &str = "ds_0192d3a4b5c67d8e9f00112233445566";
 
 fn signal(name: &'static str, unit: &'static str) -> SignalDescription {
     SignalDescription::new(name, unit, "")
@@ -77,19 +78,20 @@ fn recording() -> Summary {
     serde_json::from_value(summary).unwrap()
 }
 
-fn read(document: &Value) -> Result<JobSpec, Vec<Fault>> {
+pub(super) fn read(document: &Value) -> Result<JobSpec, Vec<Fault>> {
     let datasets = HashMap::from([(DATASET.parse().unwrap(), recording())]);
     let cart = cart();
     let context = Context {
         models: vec![&cart],
         datasets: &datasets,
+        versions: None,
         max_duration_s: 7200.0,
     };
     JobSpec::read(document, &context)
 }
 
 /// The pointers and codes of what is wrong with the smallest job after `change`.
-fn faults(change: impl FnOnce(&mut Value)) -> Vec<(String, String)> {
+pub(super) fn faults(change: impl FnOnce(&mut Value)) -> Vec<(String, String)> {
     let mut document = json!({"model": "cart", "experiments": [{"dataset": DATASET}]});
     change(&mut document);
     let faults = read(&document).expect_err("the document is wrong");
@@ -99,7 +101,7 @@ fn faults(change: impl FnOnce(&mut Value)) -> Vec<(String, String)> {
         .collect()
 }
 
-fn pair(pointer: &str, code: &str) -> (String, String) {
+pub(super) fn pair(pointer: &str, code: &str) -> (String, String) {
     (pointer.into(), code.into())
 }
 
@@ -274,6 +276,7 @@ fn a_job_does_not_read_more_than_memory_holds() {
     let context = Context {
         models: vec![&cart],
         datasets: &datasets,
+        versions: None,
         max_duration_s: 7200.0,
     };
     let read = |n_experiments: usize| {
@@ -488,13 +491,4 @@ fn names_and_labels_are_short_and_few() {
         faults(|document| document["labels"] = json!({"site": 3})),
         [pair("/labels/site", "wrong_type")]
     );
-}
-
-#[test]
-fn every_recording_that_is_named_is_found_beforehand() {
-    let document = json!({"experiments": [{"dataset": DATASET}, {"dataset": 5}, 7,
-                                          {"dataset": DATASET}]});
-    let named = JobSpec::datasets_named(&document);
-    assert_eq!(named, [DATASET.parse().unwrap()]);
-    assert_eq!(JobSpec::datasets_named(&json!("x")), []);
 }

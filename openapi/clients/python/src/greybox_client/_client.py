@@ -350,6 +350,26 @@ class Dataset(_Resource):
         answer = self._client.request("GET", f"{self.path}/samples", headers={"Accept": "text/csv"})
         return pd.read_csv(io.StringIO(answer.text), index_col=0)
 
+    def version(self, number: int | None = None) -> dict[str, Any]:
+        """What a version of it marks as bad; the newest version where no number is given."""
+        if number is None:
+            number = self._client.get(self.path)["version"]
+        version: dict[str, Any] = self._client.get(f"{self.path}/versions/{number}")
+        return version
+
+    def mark(self, from_s: float, to_s: float, reason: str, signals: list[str] | None = None) -> dict[str, Any]:
+        """Marks a stretch as bad, in addition to what is marked: the new version, which jobs then leave out."""
+        mark = {"from_s": from_s, "to_s": to_s, "reason": reason} | ({"signals": signals} if signals else {})
+        newest = self.version()
+        return self.mark_all([*newest["marks"], mark], based_on=newest["number"])
+
+    def mark_all(self, marks: list[dict[str, Any]], based_on: int | None = None) -> dict[str, Any]:
+        """Makes a version that marks just these stretches; none at all with an empty list."""
+        body = {"marks": marks, "based_on": based_on}
+        version: dict[str, Any] = self._client.post(f"{self.path}/versions", json=body)
+        self.document["version"] = version["number"]
+        return version
+
 
 class Job(_Resource):
     """A job."""

@@ -229,6 +229,7 @@ fn job_of_window(past: PastResult<'_>, spec: &SelectionSpec) -> JobSpec {
     for experiment in &mut job.experiments {
         experiment.window = None;
         experiment.exclude = None;
+        experiment.version = None;
         let starts = spec.initial_state.clone();
         experiment.initial_state.extend(starts);
     }

@@ -1,0 +1,66 @@
+//! Which tables are sealed, and who seals their rows.
+
+use super::seal::Sealed;
+use super::tables::{
+    CANDIDATE_RECORDS, CANDIDATES, CHECKPOINTS, COMPARISON_JOBS, COMPARISONS, DATASET_CHUNKS,
+    DATASET_SIZES, DATASET_VERSIONS, DATASETS, DELIVERIES, EVENTS, GENERATIONS, JOB_DATASETS,
+    JOB_LABELS, JOB_STATES, JOBS, KEYS, LAYOUTS, MAPPINGS, MODEL_SOURCES, MODELS, MONITOR_ALARMS,
+    MONITOR_EVENTS, MONITOR_STATES, MONITOR_WINDOW_JOBS, MONITOR_WINDOWS, MONITORS, NODES,
+    OMF_DEFINITIONS, PROJECT_DAYS, RESULTS, SESSIONS, SHARED_PARTS, SIGNAL_LISTS, STREAM_BATCHES,
+    STREAM_BLOCKS, STREAM_EXTREMES, STREAMS, TOKEN_STATES, TOKENS, UNMAPPED_SERIES, WEBHOOKS,
+};
+
+/// All tables whose rows are sealed.
+pub(in crate::store) fn sealed_tables() -> impl Iterator<Item = &'static Sealed> {
+    LASTING.into_iter().chain(CHANGING)
+}
+
+/// The tables whose rows last as they are, or are sealed by whoever writes them.
+const LASTING: [&Sealed; 18] = [
+    &JOBS,
+    &DATASETS,
+    &DATASET_CHUNKS,
+    &STREAM_BLOCKS,
+    &STREAM_EXTREMES,
+    &CHECKPOINTS,
+    &RESULTS,
+    &EVENTS,
+    &GENERATIONS,
+    &CANDIDATE_RECORDS,
+    &CANDIDATES,
+    &MONITORS,
+    &MONITOR_WINDOWS,
+    &MONITOR_ALARMS,
+    &MONITOR_EVENTS,
+    &MODELS,
+    &TOKENS,
+    &SHARED_PARTS,
+];
+
+/// The tables that are sealed at the end of each transaction.
+pub(in crate::store) const CHANGING: [&Sealed; 24] = [
+    &JOB_STATES,
+    &JOB_LABELS,
+    &JOB_DATASETS,
+    &DATASET_SIZES,
+    &DATASET_VERSIONS,
+    &MODEL_SOURCES,
+    &COMPARISONS,
+    &COMPARISON_JOBS,
+    &KEYS,
+    &SIGNAL_LISTS,
+    &STREAM_BATCHES,
+    &STREAMS,
+    &MONITOR_STATES,
+    &MONITOR_WINDOW_JOBS,
+    &LAYOUTS,
+    &MAPPINGS,
+    &UNMAPPED_SERIES,
+    &OMF_DEFINITIONS,
+    &TOKEN_STATES,
+    &SESSIONS,
+    &PROJECT_DAYS,
+    &WEBHOOKS,
+    &DELIVERIES,
+    &NODES,
+];
