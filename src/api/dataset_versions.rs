@@ -21,7 +21,7 @@ use greybox::identification::DatasetId;
 use greybox::identification::spec::{MAX_VERSION, read_new_version};
 use greybox::recording::Mark;
 
-/// What is to be marked as bad in a recording.
+/// The marks of a version to be stored.
 #[derive(Serialize, ToSchema)]
 #[schema(as = NewDatasetVersion)]
 #[schema(example = json!({
@@ -176,7 +176,7 @@ pub async fn show(
     Ok(json(StatusCode::OK, &version))
 }
 
-/// What a path names as the number of a version, below its recording.
+/// The number of a version, which stands in the path below the recording.
 pub struct VersionNumber(String);
 
 impl<S: Send + Sync> FromRequestParts<S> for VersionNumber {

@@ -17,10 +17,11 @@ use greybox::identification::{DatasetId, JobId};
 /// What the one parameter of a path names: something of the caller's project, or nothing.
 pub struct Named<T>(pub T);
 
-/// A name that a person chose, of so many characters at the most; nothing where it has a slash or a control
-/// character.
+/// A name that a person chose, of so many characters at the most; nothing where the name has a slash or a control
+/// character, or is a step of a path (`.`, `..`), which browsers take out of an address.
 pub fn chosen_name(text: &str, most: usize) -> Option<String> {
-    let is_plain = text.chars().all(|c| !c.is_control() && c != '/');
+    let is_plain =
+        text.chars().all(|c| !c.is_control() && c != '/') && ![".", ".."].contains(&text);
     let is_name = is_plain && (1..=most).contains(&text.chars().count());
     is_name.then(|| text.to_owned())
 }
@@ -137,5 +138,27 @@ where
             return Err(client.refuse_another_project());
         }
         Ok(Named(named))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_chosen_name_is_one_that_an_address_can_hold() {
+        for name in ["a", "monthly export, 100 %", "...", "Halle 2 · Öl"] {
+            assert_eq!(chosen_name(name, 30).as_deref(), Some(name));
+        }
+        for name in [
+            "",
+            ".",
+            "..",
+            "a/b",
+            "a\nb",
+            "longer than it may be, by far",
+        ] {
+            assert_eq!(chosen_name(name, 20), None, "{name:?}");
+        }
     }
 }

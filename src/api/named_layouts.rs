@@ -179,7 +179,11 @@ fn read(root: &Field<'_>) -> Option<LayoutOptions> {
     let mut object = root.object()?;
     let options = object.required("options");
     object.finish();
-    let options = options?.object()?;
+    let field = options?;
+    let options = field.object()?;
+    if options.n_entries() == 0 {
+        field.fault("missing_field", "a layout has an option at the least");
+    }
     let read: Vec<_> = options
         .entries()
         .map(|(name, text)| read_option(name, &text))
@@ -197,10 +201,10 @@ fn read_option(name: &str, field: &Field<'_>) -> Option<(String, String)> {
         return None;
     }
     let text = field.text()?;
-    let fault = match text.chars().count() <= MAX_TEXT && !text.contains('\0') {
+    let fault = match (1..=MAX_TEXT).contains(&text.chars().count()) && !text.contains('\0') {
         true => option_fault(name, text).err(),
         false => Some(format!(
-            "an option has {MAX_TEXT} characters at the most, none of them NUL"
+            "an option has 1 to {MAX_TEXT} characters, none of them NUL"
         )),
     };
     if let Some(detail) = fault {

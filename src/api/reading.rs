@@ -149,8 +149,8 @@ impl GivenOptions {
 pub struct CompleteOptions(GivenOptions);
 
 impl CompleteOptions {
-    /// What a digest of the recording counts beside its bytes: the name of the recording and the options,
-    /// wherever they are from.
+    /// The texts that a digest of the recording counts beside its bytes: the name of the recording, and each option
+    /// whether the query or the layout gives the option.
     pub fn digested(&self, name: Option<&String>) -> Vec<(&'static str, String)> {
         let name = name.map(|name| ("name", name.clone()));
         name.into_iter().chain(self.0.in_order()).collect()
@@ -167,7 +167,10 @@ impl CompleteOptions {
     }
 }
 
-/// Whether options could be read with a body, each for itself: what is wrong with the text of an option.
+/// Checks the text of an option.
+///
+/// # Errors
+/// A sentence on what is wrong with the text.
 pub fn option_fault(name: &str, text: &str) -> Result<(), String> {
     Options::default().set(name, text)
 }

@@ -29,7 +29,7 @@ pub struct DatasetVersionRow {
     pub created_at: Timestamp,
 }
 
-/// What became of a version that was to be stored.
+/// The outcome of storing a version.
 #[derive(Clone, Debug, PartialEq)]
 pub enum VersionAdded {
     /// The version is on disk.

@@ -15,7 +15,7 @@ use greybox::identification::spec::MAX_LABELS;
 pub struct JobWords {
     /// The name, or that the name goes.
     pub name: Option<Option<String>>,
-    /// What becomes of the labels.
+    /// The change of the labels.
     pub labels: LabelChange,
     /// The note, or that the note goes.
     pub note: Option<Option<String>>,

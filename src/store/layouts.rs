@@ -6,12 +6,12 @@ use std::sync::Arc;
 use jiff::Timestamp;
 use sqlx::FromRow;
 
-use super::StoreError;
 use super::columns::{from_json, json, time};
-use super::database::{self, QueryBuilder, Row};
+use super::database::{self, Row};
 use super::sealed::LAYOUTS;
 use super::shared_database::Database;
 use super::writer::{Tx, in_transaction};
+use super::{StoreError, named_rows};
 use crate::access::Project;
 
 /// Layouts that a project can have.
@@ -33,7 +33,7 @@ pub struct SavedLayout {
     pub changed_at: Timestamp,
 }
 
-/// What became of a layout that was to be stored.
+/// The outcome of storing a layout.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub enum LayoutPut {
     /// The layout is new.
@@ -64,20 +64,6 @@ fn read(row: &Row) -> Result<SavedLayout, StoreError> {
     })
 }
 
-/// A statement that reads the layouts of a project, up to a further condition.
-fn select(project: &Project) -> QueryBuilder {
-    let mut select = LAYOUTS.select();
-    select.push("layouts where project = ");
-    select.push_bind(project.as_str());
-    select
-}
-
-fn select_named(project: &Project, name: &str) -> QueryBuilder {
-    let mut select = select(project);
-    select.push(" and name = ").push_bind(name.to_owned());
-    select
-}
-
 /// Options for reading tables, by name.
 #[derive(Clone)]
 pub struct Layouts {
@@ -98,9 +84,7 @@ impl Layouts {
 
     /// The layouts of a project by name.
     pub async fn list(&self, project: &Project) -> Result<Vec<SavedLayout>, StoreError> {
-        let mut query = select(project);
-        query.push(" order by name");
-        let rows = query.build().fetch_all(&self.database.readers).await?;
+        let rows = named_rows::all(&self.database, &LAYOUTS, project).await?;
         rows.iter().map(read).collect()
     }
 
@@ -110,23 +94,13 @@ impl Layouts {
         project: &Project,
         name: &str,
     ) -> Result<Option<SavedLayout>, StoreError> {
-        let query = select_named(project, name);
-        let row = query.build().fetch_optional(&self.database.readers).await?;
+        let row = named_rows::find(&self.database, &LAYOUTS, project, name).await?;
         row.as_ref().map(read).transpose()
     }
 
     /// Removes a layout. Says whether there was one.
     pub async fn delete(&self, project: &Project, name: &str) -> Result<bool, StoreError> {
-        let (project, name) = (project.clone(), name.to_owned());
-        in_transaction!(self.database, |tx| async move {
-            let removed = database::query("delete from layouts where project = $1 and name = $2")
-                .bind(project.as_str())
-                .bind(name)
-                .execute(&mut **tx)
-                .await?;
-            Ok(removed == 1)
-        })
-        .await
+        named_rows::delete(&self.database, &LAYOUTS, project, name).await
     }
 }
 
@@ -158,7 +132,7 @@ async fn put(
     .bind(now.to_string())
     .execute(&mut **tx)
     .await?;
-    let stored = select_named(&project, &name);
+    let stored = named_rows::select_named(&LAYOUTS, &project, &name);
     let stored = read(&stored.build().fetch_one(&mut **tx).await?)?;
     Ok(match stored.created_at == now {
         true => LayoutPut::Created(stored),

@@ -9,13 +9,13 @@ use std::sync::Arc;
 use jiff::Timestamp;
 use sqlx::FromRow;
 
-use super::StoreError;
 use super::columns::{from_json, json, time};
 use super::database::{self, QueryBuilder, Row};
 use super::sealed::{MAPPINGS, UNMAPPED_SERIES};
 use super::shared_database::Database;
 use super::streams::{self, BatchOutcome, NewBatch};
 use super::writer::{Tx, in_transaction};
+use super::{StoreError, named_rows};
 use crate::access::Project;
 use greybox::intake::spread::{LastValue, MAX_UNMAPPED, Mapping, UnmappedSeries};
 
@@ -118,13 +118,6 @@ fn series_key(series: &UnmappedSeries) -> String {
     json(&(&series.measurement, &series.tags, &series.field))
 }
 
-/// A statement up to its condition that reads mappings.
-fn select() -> QueryBuilder {
-    let mut select = MAPPINGS.select();
-    select.push("mappings");
-    select
-}
-
 fn read(row: &Row) -> Result<MappingRow, StoreError> {
     MAPPINGS.verify(row)?;
     row.read::<MappingColumns>()?.read()
@@ -150,10 +143,7 @@ impl Mappings {
 
     /// The mappings of a project by name.
     pub async fn list(&self, project: &Project) -> Result<Vec<MappingRow>, StoreError> {
-        let mut query = select();
-        query.push(" where project = ").push_bind(project.as_str());
-        query.push(" order by name");
-        let rows = query.build().fetch_all(&self.database.readers).await?;
+        let rows = named_rows::all(&self.database, &MAPPINGS, project).await?;
         rows.iter().map(read).collect()
     }
 
@@ -163,10 +153,7 @@ impl Mappings {
         project: &Project,
         name: &str,
     ) -> Result<Option<MappingRow>, StoreError> {
-        let mut query = select();
-        query.push(" where project = ").push_bind(project.as_str());
-        query.push(" and name = ").push_bind(name.to_owned());
-        let row = query.build().fetch_optional(&self.database.readers).await?;
+        let row = named_rows::find(&self.database, &MAPPINGS, project, name).await?;
         row.as_ref().map(read).transpose()
     }
 
@@ -192,16 +179,7 @@ impl Mappings {
 
     /// Removes a mapping with its list of series. Says whether there was one.
     pub async fn delete(&self, project: &Project, name: &str) -> Result<bool, StoreError> {
-        let (project, name) = (project.clone(), name.to_owned());
-        in_transaction!(self.database, |tx| async move {
-            let removed = database::query("delete from mappings where project = $1 and name = $2")
-                .bind(project.as_str())
-                .bind(name)
-                .execute(&mut **tx)
-                .await?;
-            Ok(removed == 1)
-        })
-        .await
+        named_rows::delete(&self.database, &MAPPINGS, project, name).await
     }
 
     /// Stores what a request writes. The answer means that it is on disk: what became of each batch, in their

@@ -39,6 +39,7 @@ mod lock;
 mod mappings;
 mod models;
 mod monitors;
+mod named_rows;
 mod new_ids;
 mod node_name;
 mod nodes;

@@ -37,6 +37,11 @@ test("every option stands by itself without a layout, and where an option is tak
   assert.deepEqual(parametersOf(valuesOf({}), LAYOUT), {});
 });
 
+test("an option without a text says nothing in a layout either", () => {
+  const layout = { ...LAYOUT, options: { ...LAYOUT.options, missing: "" } };
+  assert.deepEqual(parametersOf(valuesOf(LAYOUT.options), layout), { layout: "historian" });
+});
+
 test("a layout keeps the options that say something", () => {
   assert.deepEqual(optionsOf(valuesOf(LAYOUT.options)), LAYOUT.options);
   assert.deepEqual(optionsOf(valuesOf({})), {});

@@ -5,6 +5,7 @@ use reqwest::Method;
 use serde_json::{Value, json};
 
 use super::app::{TestApp, drive_csv, drive_job};
+use super::faults::places;
 
 /// A recording of the drive whose position is 5 cm off for a while, which nothing but its marks says.
 async fn store_disturbed(app: &TestApp) -> String {
@@ -228,17 +229,8 @@ async fn marks_that_are_wrong_name_their_places() {
         .post_json(&path, &json!({ "marks": marks }))
         .await
         .problem(422);
-    let faults = problem["errors"].as_array().unwrap().iter();
-    let faults: Vec<_> = faults
-        .map(|fault| {
-            (
-                fault["pointer"].as_str().unwrap(),
-                fault["code"].as_str().unwrap(),
-            )
-        })
-        .collect();
     assert_eq!(
-        faults,
+        places(&problem),
         [
             ("/marks/0", "bounds_reversed"),
             ("/marks/1/to_s", "outside_recording"),

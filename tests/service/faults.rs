@@ -4,7 +4,8 @@ use serde_json::{Value, json};
 
 use crate::app::{TestApp, drive_job};
 
-fn places(problem: &Value) -> Vec<(&str, &str)> {
+/// The places and codes of the faults of a problem, sorted.
+pub fn places(problem: &Value) -> Vec<(&str, &str)> {
     let errors = problem["errors"].as_array().unwrap();
     let mut places: Vec<_> = errors
         .iter()

@@ -5,6 +5,7 @@ use reqwest::Method;
 use serde_json::{Value, json};
 
 use super::app::{Answer, TestApp};
+use super::faults::places;
 
 /// Two exports of one program, a week apart: each row names its signal.
 fn export(day: u8) -> String {
@@ -107,26 +108,21 @@ async fn layouts_are_listed_replaced_removed_and_kept_over_a_restart() {
 #[tokio::test(flavor = "multi_thread")]
 async fn options_that_are_wrong_name_their_places() {
     let app = TestApp::start().await;
-    let wrong = json!({"tz": "Europe/Bonn", "units": "p:furlongs", "header": "1", "tag": 3});
+    let wrong =
+        json!({"tz": "Europe/Bonn", "units": "p:furlongs", "header": "1", "tag": 3, "value": ""});
     let problem = put(&app, LAYOUT, &wrong).await.problem(422);
-    let faults = problem["errors"].as_array().unwrap().iter();
-    let faults: Vec<_> = faults
-        .map(|fault| {
-            (
-                fault["pointer"].as_str().unwrap(),
-                fault["code"].as_str().unwrap(),
-            )
-        })
-        .collect();
     assert_eq!(
-        faults,
+        places(&problem),
         [
-            ("/options/tz", "invalid_option"),
-            ("/options/units", "invalid_option"),
             ("/options/header", "unknown_field"),
             ("/options/tag", "wrong_type"),
+            ("/options/tz", "invalid_option"),
+            ("/options/units", "invalid_option"),
+            ("/options/value", "invalid_option"),
         ]
     );
+    let nothing = put(&app, LAYOUT, &json!({})).await.problem(422);
+    assert_eq!(places(&nothing), [("/options", "missing_field")]);
     app.get(LAYOUT).await.problem(404);
 }
 

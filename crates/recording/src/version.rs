@@ -29,7 +29,7 @@ pub struct Mark {
 pub struct RecordingVersion {
     /// Which version; 0 is the recording as it came.
     pub number: u32,
-    /// What is marked as bad.
+    /// The marks: every stretch that the version says is bad.
     pub marks: Vec<Mark>,
 }
 

@@ -1,10 +1,10 @@
-//! What a report says of the samples that the experiments do without.
+//! Sentences of a report on the samples that the experiments do without.
 
 use crate::identification::spec::ExperimentSpec;
 use greybox_numerics::digits::short;
 use greybox_recording::{ExcludedClass, ExcludedSpan};
 
-/// What the experiments do without, a sentence for each kind of samples, each span and each mark.
+/// Sentences on the samples that the experiments do without: one for each kind of samples, each span and each mark.
 pub(super) fn sentences(experiments: &[ExperimentSpec]) -> impl Iterator<Item = String> {
     let experiments = experiments.iter().zip(1..);
     experiments.flat_map(|(experiment, number): (_, usize)| {

@@ -179,7 +179,7 @@ export class LayoutPart {
     ].filter(Boolean);
   }
 
-  // What was chosen at the rows is taken back to what the chosen layout says, or to what the file tells.
+  // A button takes the choices at the rows back to the chosen layout, or to the guess of the server.
   wayBack(values) {
     const saved = this.form.saved();
     const before = Object.fromEntries(LAYOUT_OPTIONS.map((option) => [option, saved?.options[option] ?? ""]));

@@ -29,7 +29,7 @@ export const optionsOf = (values) =>
  */
 export function parametersOf(values, layout) {
   const options = optionsOf(values);
-  const isWhole = layout && Object.keys(layout.options).every((option) => options[option]);
+  const isWhole = layout && Object.keys(optionsOf(layout.options)).every((option) => options[option]);
   if (!isWhole) {
     return options;
   }
@@ -44,7 +44,7 @@ export function parametersOf(values, layout) {
  */
 export function faultsOfName(name) {
   const isUnnamed = name === "" && "the layout has no name";
-  const isPath = (name.includes("/") || /^\.\.?$/.test(name)) && "the name of a layout has no slash in it";
+  const isPath = (name.includes("/") || /^\.\.?$/.test(name)) && "a layout is not called . or .., and its name has no slash in it";
   const detail = isUnnamed || isPath;
   return detail ? [{ pointer: "/name", detail }] : [];
 }
@@ -58,7 +58,7 @@ export class SavedLayouts {
     this.signal = signal;
     /** @type {Saved[]} */
     this.layouts = [];
-    this.select = h("select", { onchange: () => this.choose() });
+    this.select = h("select", { class: "layout-name", onchange: () => this.choose() });
     this.choice = h("label", { hidden: true }, "Layout", this.select);
     this.name = h("input", { type: "text", maxlength: String(LONGEST_NAME), size: "28" });
     this.name.addEventListener("input", () => this.drawButton());
@@ -71,7 +71,13 @@ export class SavedLayouts {
     this.removed = notice();
     this.rows = h("div", {});
     this.summary = h("summary", {});
-    this.list = h("details", { hidden: true }, this.summary, this.removed.place, this.rows);
+    this.list = h(
+      "details",
+      { class: "saved-layouts", hidden: true },
+      this.summary,
+      this.removed.place,
+      this.rows,
+    );
     this.draw();
     this.read().catch((error) => this.outcome.fail(error));
   }
@@ -124,8 +130,8 @@ export class SavedLayouts {
     this.list.hidden = length === 0 && !this.list.open;
     this.summary.textContent = `Saved layouts (${length})`;
     const rows = this.layouts.map(({ name, options, changed_at: changed }) => [
-      name,
-      textOfOptions(options),
+      h("span", {}, name),
+      h("span", {}, textOfOptions(options)),
       instant(changed),
       smallButton("Remove", `Remove the layout ${name}`, () => this.remove(name)),
     ]);

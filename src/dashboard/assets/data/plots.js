@@ -67,7 +67,7 @@ export function signalPlots({ view, dataset, names, failed, onBrush = null, heig
   };
 }
 
-// These spans are where the quality report finds a signal odd.
+// Gives the spans in which the quality report finds a signal odd.
 export function oddSpans(dataset, name) {
   const about = (dataset.report?.warnings ?? []).filter(
     ({ signal }) => signal === null || signal === undefined || signal === name,

@@ -49,7 +49,7 @@ export function uploader(view, stored) {
       values: () => options.values(),
       put,
       refused: (faults) =>
-        options.ask(askedFor(faults), "The layout leaves this open; say it and save again:"),
+        options.ask(askedFor(faults), "The server does not take this; say it otherwise and save again:"),
     },
     view.signal,
   );

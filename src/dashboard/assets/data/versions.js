@@ -1,6 +1,6 @@
 // @ts-check
-// This part of the page of a recording has its marks: the newest version, what it takes to change it, and the
-// versions before it.
+// The page of a recording shows its marks: the newest version, the buttons that change the marks, and the versions
+// before the newest one.
 
 import { get, items, query, send } from "../shell/api.js";
 import { h, keepingFocus, notice, smallButton, table } from "../shell/dom.js";

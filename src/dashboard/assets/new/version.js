@@ -1,6 +1,6 @@
 // @ts-check
-// This line of the form of a new job says which version of a recording's marks the job leaves out, and lets the reader
-// choose another version.
+// A line of the form of a new job says which version of a recording's marks the job leaves out, and offers the other
+// versions.
 
 import { numberOfVersion, UNMARKED, versionName } from "../data/marks.js";
 import { get, items } from "../shell/api.js";

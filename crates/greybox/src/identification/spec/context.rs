@@ -1,4 +1,4 @@
-//! What a document of a job is read against.
+//! The context of a document: the models and recordings against which a job is read.
 
 use std::collections::HashMap;
 
@@ -7,7 +7,7 @@ use crate::identification::DatasetId;
 use greybox_recording::Summary;
 use greybox_simulation::model::ModelDescription;
 
-/// What a document is read against.
+/// The models, recordings and limits against which a document is read.
 pub struct Context<'a> {
     /// The models that there are.
     pub models: Vec<&'a ModelDescription>,

@@ -75,7 +75,8 @@ pub struct ExperimentSpec {
 }
 
 impl ExperimentSpec {
-    /// What is left out of the recording: what the experiment excludes, and what the version marks as bad.
+    /// The samples that the experiment does without: those that its `exclude` names, and those that the version marks
+    /// as bad.
     #[must_use]
     pub fn left_out(&self) -> Option<Cow<'_, Exclude>> {
         let exclude = self.exclude.as_ref().map(Cow::Borrowed);

@@ -26,7 +26,7 @@ pub struct RecordingVersions {
     pub marks: BTreeMap<u32, Vec<Mark>>,
 }
 
-/// Reads what a client wants marked in a recording, or says everything that is wrong with it. `based_on` is the
+/// Reads the marks that a client wants in a recording, or says everything that is wrong with it. `based_on` is the
 /// version that the client changed.
 pub fn read_new_version(document: &Value, recording: &Summary) -> Result<NewVersion, Vec<Fault>> {
     read_document(document, |root| {
@@ -43,7 +43,7 @@ pub fn read_new_version(document: &Value, recording: &Summary) -> Result<NewVers
     })
 }
 
-/// What a client wants marked in a recording.
+/// The marks that a client wants in a recording.
 #[derive(Clone, Debug, PartialEq)]
 pub struct NewVersion {
     /// Everything that is to be marked.
