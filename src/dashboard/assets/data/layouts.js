@@ -44,7 +44,9 @@ export function parametersOf(values, layout) {
  */
 export function faultsOfName(name) {
   const isUnnamed = name === "" && "the layout has no name";
-  const isPath = (name.includes("/") || /^\.\.?$/.test(name)) && "a layout is not called . or .., and its name has no slash in it";
+  const isPath =
+    (name.includes("/") || /^\.\.?$/.test(name)) &&
+    "a layout is not called . or .., and its name has no slash in it";
   const detail = isUnnamed || isPath;
   return detail ? [{ pointer: "/name", detail }] : [];
 }
