@@ -297,7 +297,7 @@ fn what_cannot_be_read_is_named() {
     let [mut a, mut b] = [const { String::new() }; 2];
     let recording = path(folder.path(), "bad.csv", &mut a);
     let absent = path(folder.path(), "absent.json", &mut b);
-    std::fs::write(recording, "time [s],reference [m]\n0,1\n0.01,n/a\n").expect("a file");
+    std::fs::write(recording, "time [s],reference [m]\n0,1\n0.01,1..2\n").expect("a file");
     let complaint = complaints(&["simulate", recording]).join("\n");
     assert!(
         complaint.contains("row") || complaint.contains("line"),

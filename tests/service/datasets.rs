@@ -112,7 +112,7 @@ async fn a_recording_larger_than_the_limit_is_refused_with_the_limit() {
 #[tokio::test(flavor = "multi_thread")]
 async fn every_bad_line_of_a_recording_is_named() {
     let app = TestApp::start().await;
-    let csv = "time [s],position [m]\n0,1\n1,n/a\n2,3\n3,x\n";
+    let csv = "time [s],position [m]\n0,1\n1,1..2\n2,3\n3,x\n";
     let problem = app.post_csv("/v1/datasets", csv).await.problem(422);
     let lines: Vec<_> = problem["errors"]
         .as_array()

@@ -52,6 +52,8 @@ pub(super) struct Clock {
     /// The longest time from the first to another one `[s]`.
     farthest: f64,
     guessed_unit: Option<&'static str>,
+    /// Nothing says the unit of the numbers, which were read as seconds.
+    are_supposed_seconds: bool,
     offset: Option<String>,
 }
 
@@ -105,6 +107,7 @@ impl Clock {
             is_fine: false,
             farthest: 0.0,
             guessed_unit: None,
+            are_supposed_seconds: false,
             offset: None,
         }
     }
@@ -214,6 +217,13 @@ impl Clock {
                 self.name
             );
             notes.push(Warning::of_recording("time_unit_from_size", detail));
+        }
+        if self.are_supposed_seconds && !self.name.is_empty() {
+            let detail = format!(
+                "`{}` does not say its unit: its numbers were read as seconds; `time_unit` says otherwise",
+                self.name
+            );
+            notes.push(Warning::of_recording("time_unit_assumed", detail));
         }
         if self.is_fine && is_beyond_nanoseconds(self.farthest) {
             let detail = format!(
@@ -378,6 +388,7 @@ impl Clock {
             return self.asked("counts samples");
         }
         if TIMES.contains(&name.as_str()) || self.is_said {
+            self.are_supposed_seconds = true;
             return Ok(TimeNumbers::Seconds(1.0));
         }
         self.asked("does not say its unit")

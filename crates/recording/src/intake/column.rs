@@ -10,7 +10,7 @@ use greybox_numerics::parsing::Fault;
 
 /// What loggers write where they have no value. A value is told as a likely one when it is far
 /// from all others.
-const SENTINELS: [f64; 18] = [
+const SENTINELS: [f64; 24] = [
     -9999.0,
     9999.0,
     -999.0,
@@ -29,6 +29,12 @@ const SENTINELS: [f64; 18] = [
     1e38,
     -1e38,
     1e35,
+    9.9e37,
+    -9.9e37,
+    9.91e37,
+    9.969_209_968_386_869e36,
+    999_999.0,
+    -999_999.0,
 ];
 
 /// Below this, a number is none of them.
@@ -371,5 +377,11 @@ fn not_a_number(cell: &Cell<'_>) -> String {
         }
         false => "",
     };
-    format!("`{}` is not a number{advice}", excerpt(text.trim()))
+    let text = excerpt(text.trim());
+    // A word is a value that is missing more often than a number that is written wrong.
+    let missing = match text.contains(char::is_numeric) {
+        true => String::new(),
+        false => format!("; where it stands for a missing sample, say missing={text}"),
+    };
+    format!("`{text}` is not a number{advice}{missing}")
 }

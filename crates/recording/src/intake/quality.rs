@@ -117,6 +117,15 @@ impl Scheme {
     }
 }
 
+/// Whether a field of a table may say how good a sample is: a word of quality, or a code that some scheme has.
+pub(super) fn may_rate(field: &str) -> bool {
+    /// Codes that schemes have beside those of 192 and above.
+    const CODES: [i64; 12] = [0, 1, 2, 3, 4, 8, 16, 24, 28, 64, 68, 128];
+    let is_code =
+        |code: i64| CODES.contains(&code) || (192..=255).contains(&code) || code.abs() >= 1 << 30;
+    word(field).is_some() || field.trim().parse().is_ok_and(is_code)
+}
+
 /// A code that is written as a number, or in hexadecimal digits behind its name, as Telegraf writes those of OPC UA:
 /// `OK (0x0)`.
 fn code_in(text: &str) -> Option<i64> {

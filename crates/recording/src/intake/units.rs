@@ -58,14 +58,16 @@ pub fn parse(text: &str) -> Option<RecordedUnit> {
         .or_else(|| of_degrees(text))
         .map(UnitRow::unit)
         .or_else(|| pressure(text))
+        .or_else(|| torque(text))
         .or_else(|| compound(text))
 }
 
 /// Whether a text means one unit by its letters and another one in another case, such as `mPa` and `MV`, or a unit
 /// that plants write for something else: such a text is asked about.
 fn may_be_two(text: &str) -> bool {
-    /// Tesla, giga and mega, which plants write for temperatures, grams and metres; a gigaradian, for degrees.
-    const OF_OTHERS: [&str; 4] = ["M", "T", "G", "Grad"];
+    /// Tesla, giga and mega, which plants write for temperatures, grams and metres; a gigaradian, for degrees; a
+    /// kilonewton, for knots.
+    const OF_OTHERS: [&str; 5] = ["M", "T", "G", "Grad", "kn"];
     let by_letters = || compound(text).map(|unit| (unit.si, unit.factor));
     OF_OTHERS.contains(&text)
         || of_any_case(text).is_some_and(|row| {
@@ -76,7 +78,7 @@ fn may_be_two(text: &str) -> bool {
 
 /// `deg C`, `Grad Celsius` and `° F`: a scale of temperature behind a word for degrees.
 fn of_degrees(text: &str) -> Option<&'static UnitRow> {
-    let (degrees, scale) = text.split_once(' ')?;
+    let (degrees, scale) = text.split_once([' ', '.'])?;
     let degrees = degrees.to_lowercase();
     if !["deg", "degree", "degrees", "grad", "°"].contains(&degrees.as_str()) {
         return None;
@@ -99,6 +101,12 @@ fn pressure(text: &str) -> Option<RecordedUnit> {
         "a" | "abs" | "absolute" if is_plain => Some(row.unit()),
         _ => None,
     }
+}
+
+/// A torque in pounds or ounces.
+fn torque(text: &str) -> Option<RecordedUnit> {
+    let torque = row("lbf·ft", "N·m", spelled::torque(text)?);
+    Some(remarked(torque, "the pounds or ounces were read as forces").unit())
 }
 
 /// The unit of time that `text` names.
@@ -138,7 +146,8 @@ pub fn known_times() -> String {
 pub fn name_and_unit(title: &str) -> (&str, &str) {
     let cut = |open: char, close: char| {
         let (name, unit) = title.strip_suffix(close)?.rsplit_once(open)?;
-        Some((name.trim(), unit.trim()))
+        let unit = unit.trim();
+        Some((name.trim(), unit.strip_prefix("in ").unwrap_or(unit)))
     };
     if let Some(named) = cut('[', ']') {
         return named;
@@ -182,6 +191,10 @@ fn of_any_case(text: &str) -> Option<&'static UnitRow> {
     rows.next().is_none().then_some(first)
 }
 
+/// What is said of a unit whose dimension no unit of the table has.
+const PRODUCT: &str =
+    "no unit that is usual has this dimension: the text was read as a product of units";
+
 /// A product of units.
 fn compound(text: &str) -> Option<RecordedUnit> {
     /// Longer texts are no unit.
@@ -190,19 +203,20 @@ fn compound(text: &str) -> Option<RecordedUnit> {
         return None;
     }
     let lookup = |name: &str| part(name).ok_or_else(String::new);
-    let scaled = parse_scaled(&spelled_out(text), &lookup).ok()?;
+    let scaled = parse_scaled(&spelled::out(text)?, &lookup).ok()?;
     let is_same = |row: &&UnitRow| {
         let of_row = Dimension::parse(row.si);
         of_row.is_ok_and(|dimension| dimension == scaled.dimension)
     };
-    let si = match TABLE.iter().find(is_same) {
-        Some(row) => Cow::Borrowed(row.si),
-        None if scaled.dimension == Dimension::NONE => Cow::Borrowed("1"),
-        None => Cow::Owned(scaled.dimension.in_base_units()),
+    let (si, remark) = match TABLE.iter().find(is_same) {
+        Some(row) => (Cow::Borrowed(row.si), ""),
+        None if scaled.dimension == Dimension::NONE => (Cow::Borrowed("1"), ""),
+        None => (Cow::Owned(scaled.dimension.in_base_units()), PRODUCT),
     };
     Some(RecordedUnit {
         si,
         factor: scaled.factor,
+        remark,
         ..RecordedUnit::NONE
     })
 }
@@ -236,25 +250,6 @@ fn part(name: &str) -> Option<Scaled> {
         let factor = *factor;
         Some(Scaled { dimension, factor })
     })
-}
-
-/// `m3/(h bar)` as `m^3/(h*bar)`, `s-1` as `s^-1`.
-fn spelled_out(text: &str) -> String {
-    let mut spelled = String::with_capacity(text.len() + 8);
-    let mut symbols = text.trim().chars().peekable();
-    while let Some(symbol) = symbols.next() {
-        let next = symbols.peek().copied().unwrap_or(' ');
-        let ends_a_unit = symbol.is_alphabetic() || symbol == ')';
-        match symbol {
-            ' ' | '.' if next.is_alphabetic() => spelled.push('*'),
-            ' ' => {}
-            _ => spelled.push(symbol),
-        }
-        if ends_a_unit && (next.is_ascii_digit() || next == '-') {
-            spelled.push('^');
-        }
-    }
-    spelled
 }
 
 fn first_names(wanted: impl Fn(&UnitRow) -> bool) -> String {
@@ -370,6 +365,10 @@ const TABLE: &[UnitRow] = &[
     row("mbar", "Pa", 1e2),
     row("psi", "Pa", POUND * G_N / (INCH * INCH)),
     row("kgf/cm² kgf/cm2 kp/cm² kp/cm2 at", "Pa", G_N * 1e4),
+    remarked(
+        row("kg/cm² kg/cm2 kg/cm^2", "Pa", G_N * 1e4),
+        "the kilograms were read as kilograms-force",
+    ),
     row("mmHg Torr", "Pa", MMHG),
     row("inHg", "Pa", 25.4 * MMHG),
     row("mmH2O mmH₂O mmWC mmWS", "Pa", G_N),
@@ -411,11 +410,11 @@ const TABLE: &[UnitRow] = &[
     row("m³/s m3/s m^3/s", "m³/s", 1.0),
     row("m³/h m3/h m^3/h", "m³/s", 1.0 / 3600.0),
     remarked(
-        row("Nm3/h Nm³/h Nm^3/h", "m³/s", 1.0 / 3600.0),
+        row("Nm3/h Nm³/h Nm^3/h Nm3/hr Nm³/hr", "m³/s", 1.0 / 3600.0),
         "cubic metres at normal conditions (0 °C, 101325 Pa), not at those of the plant",
     ),
     remarked(
-        row("Sm3/h Sm³/h Sm^3/h", "m³/s", 1.0 / 3600.0),
+        row("Sm3/h Sm³/h Sm^3/h Sm3/hr Sm³/hr", "m³/s", 1.0 / 3600.0),
         "cubic metres at standard conditions (15 °C, 101325 Pa), not at those of the plant",
     ),
     row("cfm ft³/min ft3/min", "m³/s", FOOT * FOOT * FOOT / 60.0),
@@ -439,10 +438,14 @@ const TABLE: &[UnitRow] = &[
     row("rev", "rad", 2.0 * PI),
     row("rad/s", "rad/s", 1.0),
     row("deg/s °/s", "rad/s", PI / 180.0),
-    row("rpm RPM U/min rev/min", "rad/s", PI / 30.0),
+    row("rpm RPM U/min Upm rev/min r/min", "rad/s", PI / 30.0),
     remarked(
-        row("1/min", "rad/s", PI / 30.0),
-        "`1/min` was read as revolutions per minute, in rad/s",
+        row("1/min 1/Min 1/Min. min-1 min^-1 min⁻¹", "rad/s", PI / 30.0),
+        "a number a minute was read as revolutions per minute, in rad/s",
+    ),
+    remarked(
+        row("1/s s-1 s^-1 s⁻¹", "rad/s", 1.0),
+        "a number a second was read in rad/s, neither as revolutions nor as hertz",
     ),
     row("rad/s² rad/s2 rad/s^2", "rad/s²", 1.0),
     row("m/s", "m/s", 1.0),
@@ -450,6 +453,7 @@ const TABLE: &[UnitRow] = &[
     row("cm/s", "m/s", 1e-2),
     row("m/min", "m/s", 1.0 / 60.0),
     row("km/h", "m/s", 1.0 / 3.6),
+    row("kt knot knots", "m/s", 1852.0 / 3600.0),
     row("m/s² m/s2 m/s^2", "m/s²", 1.0),
     row("g_n", "m/s²", G_N),
     row("Ω Ohm ohm", "Ω", 1.0),
@@ -491,5 +495,6 @@ const TABLE: &[UnitRow] = &[
     row("‰", "1", 1e-3),
 ];
 
+mod spelled;
 #[cfg(test)]
 mod tests;

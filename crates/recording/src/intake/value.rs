@@ -20,7 +20,7 @@ pub(super) enum CellValue {
 }
 
 /// Words with which historians and spreadsheets say that there is no value.
-const WORDS: [&str; 13] = [
+const WORDS: [&str; 30] = [
     "bad",
     "bad input",
     "no data",
@@ -28,6 +28,23 @@ const WORDS: [&str; 13] = [
     "no value",
     "null",
     "#n/a",
+    "na",
+    "n/a",
+    "nil",
+    "none",
+    "<na>",
+    "#na",
+    "\\n",
+    "undefined",
+    "novalue",
+    "unavailable",
+    "1.#qnan",
+    "-1.#qnan",
+    "1.#ind",
+    "-1.#ind",
+    "#div/0!",
+    "#value!",
+    "#ref!",
     "i/o timeout",
     "pt created",
     "comm fail",

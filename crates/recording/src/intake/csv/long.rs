@@ -48,6 +48,7 @@ pub(super) fn read(
     let clock = Clock::new(name, unit, options);
     let scheme = places.columns.quality.and_then(|(_, scheme)| scheme);
     let mut tags = Tags::new(clock, options, scheme, memory);
+    tags.notes.extend(places.columns.left_out(&titles));
     while !tags.is_full() && read_row(&mut rows, &mut record)? {
         if !is_empty(&record) {
             push(&mut tags, &places, &record)?;

@@ -1,16 +1,18 @@
 //! What the columns of a table are whose rows name their signals.
 
-use super::super::error::{ReadError, invalid};
+use super::super::error::{ReadError, excerpt, invalid};
 use super::super::layout::ColumnRole;
-use super::super::options::Options;
+use super::super::options::{Decimal, Options};
 use super::super::quality::Scheme;
 use super::super::{units, value};
 use super::fields::is_called_time;
+use crate::Warning;
 use greybox_numerics::parsing::Fault;
 use greybox_numerics::parsing::reader::did_you_mean;
 use std::collections::HashSet;
 
-const TIMES: [&str; 7] = [
+const TIMES: [&str; 8] = [
+    "timestring",
     "timestamp",
     "datetime",
     "time",
@@ -56,13 +58,29 @@ const VALUES: [&str; 12] = [
     "mean",
     "data",
 ];
-const QUALITIES: [(&str, Option<Scheme>); 6] = [
+const QUALITIES: [(&str, Option<Scheme>); 22] = [
     ("opcquality", Some(Scheme::OpcDa)),
     ("qualitydetail", Some(Scheme::AvevaQualityDetail)),
     ("quality", None),
     ("qualitycode", None),
     ("status", None),
     ("q", None),
+    ("dataquality", None),
+    ("qualitytext", None),
+    ("qualitydescription", None),
+    ("tagquality", None),
+    ("valuequality", None),
+    ("valuestatus", None),
+    ("pointstatus", None),
+    ("qualität", None),
+    ("qualitaet", None),
+    ("güte", None),
+    ("statuscode", None),
+    ("isgood", None),
+    ("good", None),
+    ("isvalid", None),
+    ("valid", None),
+    ("validity", None),
 ];
 const UNITS: [&str; 5] = ["unit", "units", "uom", "engunits", "unitsabbreviation"];
 
@@ -219,6 +237,29 @@ impl LongColumns {
         }
     }
 
+    /// Tells which columns hold nothing of a sample; nothing where all of them do.
+    pub(super) fn left_out(&self, titles: &[&str]) -> Option<Warning> {
+        // Where a row has several qualities, the one that says most is taken.
+        let plain = PlainTitles::of(titles);
+        let is_quality = |column: usize| QUALITIES.iter().any(|(name, _)| *name == plain.0[column]);
+        let is_rated = self.quality.is_some();
+        let is_left_out = |column: &usize| {
+            self.role(*column) == ColumnRole::LeftOut && !(is_rated && is_quality(*column))
+        };
+        let names = (0..titles.len())
+            .filter(is_left_out)
+            .map(|column| titles[column].trim());
+        let names = names.filter(|name| !name.is_empty());
+        let names: Vec<String> = names.map(|name| format!("`{}`", excerpt(name))).collect();
+        let (first, detail) = (names.first()?, names.join(", "));
+        let detail = format!(
+            "{detail} was left out: neither time, tag, value, unit nor quality; where one of them says how good the \
+             values are, say quality={}",
+            first.trim_matches('`')
+        );
+        Some(Warning::of_recording("left_out_columns", detail))
+    }
+
     /// The columns of numbers that are nothing else.
     fn numbers_beside(&self, rows: &[Vec<String>]) -> Vec<usize> {
         let quality = self.quality.map(|(place, _)| place);
@@ -230,13 +271,16 @@ impl LongColumns {
 /// The columns of numbers, but for those that are `apart`.
 fn numbers(rows: &[Vec<String>], apart: &[usize]) -> Vec<usize> {
     let width = rows.iter().map(Vec::len).max().unwrap_or(0);
+    // A comma stands before a fraction or between thousands: either way the field is a number.
+    let reads = |field: &str, decimal| value::number(field, decimal).is_some();
+    let is_read = |field: &str| reads(field, None) || reads(field, Some(Decimal::Comma));
     let is_number = |column: &usize| {
         let fields = rows
             .iter()
             .map(|row| row.get(*column).map_or("", String::as_str));
         let filled: Vec<&str> = fields.filter(|field| !field.is_empty()).collect();
         let mut all = filled.iter();
-        !filled.is_empty() && all.all(|field| value::number(field, None).is_some())
+        !filled.is_empty() && all.all(|field| is_read(field))
     };
     let columns = (0..width).filter(|column| !apart.contains(column));
     columns.filter(is_number).collect()

@@ -7,6 +7,7 @@ use super::super::error::{ReadError, at_line, invalid};
 use super::super::layout::ColumnRole;
 use super::super::memory::Memory;
 use super::super::options::Options;
+use super::super::quality::may_rate;
 use super::super::tags::{Quality, RawSample, Tags};
 use super::super::{stamp, units, value};
 use super::fields::{is_called_time, line_of, texts, time_name_and_unit};
@@ -16,7 +17,14 @@ use ::csv::ByteRecord;
 use std::io::Read;
 
 /// Words that call a column the quality of another.
-const QUALITIES: [&str; 6] = [
+const QUALITIES: [&str; 13] = [
+    "dataquality",
+    "isgood",
+    "good",
+    "isvalid",
+    "valid",
+    "validity",
+    "quality code",
     "quality",
     "qual",
     "status",
@@ -59,14 +67,15 @@ impl PairedColumns {
             .iter()
             .map(|title| units::name_and_unit(title).0)
             .collect();
+        let rated = |column: usize| {
+            let title = titles[column];
+            rated_by(title).or_else(|| rated_by_letter(title, rows, column))
+        };
         let quality_of = |name: &str| {
-            let is_its = |title: &&str| rated_by(title) == Some(name);
-            titles.iter().position(is_its)
+            let mut columns = 0..titles.len();
+            columns.find(|column| rated(*column) == Some(name))
         };
-        let is_rating = |column: usize| {
-            let rated = rated_by(titles[column]);
-            rated.is_some_and(|rated| names.contains(&rated))
-        };
+        let is_rating = |column: usize| rated(column).is_some_and(|rated| names.contains(&rated));
         let is_signal = |column: &usize| !times.contains(column) && !is_rating(*column);
         let signals = (0..titles.len()).filter(is_signal);
         let series: Vec<SeriesColumns> = signals
@@ -103,10 +112,29 @@ impl PairedColumns {
 
 /// The name of the signal whose quality a column holds, by its title.
 fn rated_by(title: &str) -> Option<&str> {
+    let is_quality = |word: &str| QUALITIES.contains(&word.trim().to_lowercase().as_str());
+    if let Some((before, behind)) = title
+        .strip_suffix(')')
+        .and_then(|title| title.split_once('('))
+    {
+        let (before, behind) = (before.trim(), behind.trim());
+        let rated = [(before, behind), (behind, before)];
+        let rated = rated.into_iter().find(|(word, _)| is_quality(word));
+        return rated.map(|(_, name)| name);
+    }
     let (name, word) = title.rsplit_once(['.', ' ', '_', ':', '/'])?;
-    QUALITIES
-        .contains(&word.to_lowercase().as_str())
-        .then(|| name.trim())
+    is_quality(word).then(|| name.trim())
+}
+
+/// The signal before a letter that may call a column its quality, where the column holds nothing but codes or words
+/// of quality: `A_Q` beside `A`.
+fn rated_by_letter<'t>(title: &'t str, rows: &[Vec<String>], column: usize) -> Option<&'t str> {
+    const LETTERS: [&str; 5] = ["q", "qf", "qc", "flag", "flags"];
+    let (name, word) = title.rsplit_once(['.', ' ', '_', ':', '/'])?;
+    let fields = rows.iter().filter_map(|row| row.get(column));
+    let mut fields = fields.filter(|field| !field.is_empty()).peekable();
+    let are_codes = fields.peek().is_some() && fields.all(|field| may_rate(field));
+    (are_codes && LETTERS.contains(&word.to_lowercase().as_str())).then(|| name.trim())
 }
 
 /// Whether a column holds timestamps, or numbers that rise.

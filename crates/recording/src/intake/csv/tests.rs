@@ -117,7 +117,7 @@ fn a_file_of_dates_only_is_refused_for_want_of_an_offset() {
 
 #[test]
 fn a_fault_names_line_column_and_text() {
-    let error = parse("time [s],position [mm]\n0,1\n1,n/a\n2,#VALUE!\n").unwrap_err();
+    let error = parse("time [s],position [mm]\n0,1\n1,1..2\n2,stuck\n").unwrap_err();
     assert!(matches!(error, ReadError::Invalid(_)));
     let fault = &error.faults()[0];
     assert_eq!(
@@ -126,14 +126,16 @@ fn a_fault_names_line_column_and_text() {
     );
     assert_eq!(
         &*fault.detail,
-        "line 3, column `position`: `n/a` is not a number"
+        "line 3, column `position`: `1..2` is not a number"
     );
+    let word = "line 4, column `position`: `stuck` is not a number; where it stands for a missing sample, say missing=stuck";
+    assert_eq!(&*error.faults()[1].detail, word);
     assert_eq!(error.faults().len(), 2);
 }
 
 #[test]
 fn with_crlf_lines_are_counted_as_without() {
-    let text = "time [s],position [mm]\r\n0,1\r\n1,n/a\r\n\r\n2,x\r\n";
+    let text = "time [s],position [mm]\r\n0,1\r\n1,1..2\r\n\r\n2,x\r\n";
     let error = parse(text).unwrap_err();
     let lines: Vec<_> = error.faults().iter().map(|fault| fault.line).collect();
     assert_eq!(lines, [Some(3), Some(5)]);
@@ -233,7 +235,7 @@ fn equal_faults_are_told_three_times_and_counted() {
 
 #[test]
 fn a_column_of_text_is_kept_aside_and_reported() {
-    let recording = parse("t,a,state\n0,1,RUN\n1,2,RUN\n2,3,STOP\n").unwrap();
+    let recording = parse("t [s],a,state\n0,1,RUN\n1,2,RUN\n2,3,STOP\n").unwrap();
     assert_eq!(recording.signals.len(), 1);
     assert_eq!(recording.notes[0].code, "text_column");
     assert_eq!(recording.notes[0].signal.as_deref(), Some("state"));

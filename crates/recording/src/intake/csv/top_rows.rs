@@ -122,6 +122,11 @@ impl TopRows {
             header: Some(header),
             units,
         };
+        // A dataset of Ignition names its parts: names in the second row, types in the fourth.
+        let is_dataset = |row: &Vec<String>| row.first().is_some_and(|field| field == "#NAMES");
+        if self.rows.first().is_some_and(is_dataset) {
+            return Ok(titles(1, None));
+        }
         let may_be = (0..first).map(|k| self.is_titles(k) || is_units(&self.rows[k]));
         let may_be: Vec<bool> = may_be.collect();
         let all = || (0..first).filter(|k| may_be[*k]);

@@ -88,6 +88,17 @@ fn plants_spellings_are_understood() {
         ("l/(min·bar)", "kg^-1·m^4·s", 1e-8 / 60.0),
         ("W/(m2.K)", "kg·s^-3·K^-1", 1.0),
         ("degC/min", "s^-1·K", 1.0 / 60.0),
+        ("min-1", "rad/s", PI / 30.0),
+        ("min^-1", "rad/s", PI / 30.0),
+        ("deg.C", "K", 274.15),
+        ("kg/cm²", "Pa", 98_066.5),
+        ("lb ft", "N·m", 1.355_817_948_331_4),
+        ("in-lb", "N·m", 0.112_984_829_027_616_7),
+        ("W/mK", "kg·m·s^-3·K^-1", 1.0),
+        ("W/m·K", "kg·m·s^-3·K^-1", 1.0),
+        ("kJ/kgK", "m^2·s^-2·K^-1", 1000.0),
+        ("kg / h", "kg/s", 1.0 / 3600.0),
+        ("Nm3/hr", "m³/s", 1.0 / 3600.0),
     ] {
         let unit = parse(text).unwrap_or_else(|| panic!("`{text}` is not known"));
         assert_eq!(unit.si, si, "{text}");
@@ -96,11 +107,15 @@ fn plants_spellings_are_understood() {
             "{text}: {unit:?}"
         );
     }
-    for text in ["barg", "bar g", "C", "Nm3/h", "1/min", "%RH"] {
+    for text in [
+        "barg", "bar g", "C", "Nm3/h", "1/min", "%RH", "min-1", "kg/cm2", "ft lb", "bar·g",
+    ] {
         assert!(!parse(text).unwrap().remark.is_empty(), "{text}");
     }
     assert!(parse("mw").is_none(), "milliwatt or megawatt");
-    for text in ["mPa", "MV", "MA", "Mm", "M", "T", "G", "Grad"] {
+    for text in [
+        "mPa", "MV", "MA", "Mm", "M", "T", "G", "Grad", "kn", "m3/h N",
+    ] {
         assert!(parse(text).is_none(), "{text}");
         assert!(
             unknown(text, UNITS_OPTION).contains("say which with `units`"),
@@ -120,6 +135,7 @@ fn a_unit_stands_in_brackets_in_parentheses_or_at_the_end_of_the_name() {
         ("spool [left] []", "spool [left]", ""),
         ("p [parsec]", "p", "parsec"),
         ("x (bar)", "x", "bar"),
+        ("x (in bar)", "x", "bar"),
         ("valve (left)", "valve (left)", ""),
         ("p_bar", "p_bar", "bar"),
         ("oil_degC", "oil_degC", "degC"),

@@ -410,3 +410,69 @@ proptest! {
         }
     }
 }
+
+/// Whether the second of two samples is missing because a column rates it as bad.
+fn is_rated(text: &str) -> bool {
+    let recording = parse(text);
+    let is_bad = |values: &[f64]| !values[0].is_nan() && values[1].is_nan();
+    recording.signals.len() == 1 && is_bad(&recording.signals[0].values)
+}
+
+#[test]
+fn columns_that_rate_values_are_known_by_their_titles_or_are_told() {
+    for title in [
+        "DataQuality",
+        "StatusCode",
+        "IsGood",
+        "Qualität",
+        "Validity",
+    ] {
+        let long = format!(
+            "Timestamp,Tag,Value,{title}\n2026-03-02T08:15:00Z,PT,3.2,Good\n2026-03-02T08:15:01Z,PT,3.3,Bad\n"
+        );
+        assert!(is_rated(&long), "{title}");
+    }
+    for title in ["PT_Q", "PT.isGood", "PT (Quality)", "Quality(PT)"] {
+        let beside = format!(
+            "Timestamp,PT,{title}\n2026-03-02T08:15:00Z,3.2,Good\n2026-03-02T08:15:01Z,3.3,Bad\n"
+        );
+        assert!(is_rated(&beside), "{title}");
+    }
+    let flow = parse(
+        "Timestamp,pump,pump_Q\n2026-03-02T08:15:00Z,3.2,17.5\n2026-03-02T08:15:01Z,3.3,18.5\n",
+    );
+    assert_eq!(flow.signals.len(), 2, "the numbers of a flow are no codes");
+    let text =
+        "Timestamp,Tag,Value,Grade\n2026-03-02T08:15:00Z,PT,3.2,A\n2026-03-02T08:15:01Z,PT,3.3,B\n";
+    let recording = parse(text);
+    let told = recording
+        .notes
+        .iter()
+        .find(|note| note.code == "left_out_columns");
+    assert!(told.expect("a warning").detail.contains("quality=Grade"));
+}
+
+#[test]
+fn numbers_of_a_time_without_a_unit_are_told_to_be_seconds() {
+    assert!(tells(
+        &parse("time,p\n0,1\n10000,2\n20000,3\n"),
+        "time_unit_assumed"
+    ));
+    assert!(!tells(
+        &parse("time [s],p\n0,1\n1,2\n2,3\n"),
+        "time_unit_assumed"
+    ));
+}
+
+#[test]
+fn values_with_commas_are_told_apart_from_words_where_the_tag_was_said() {
+    let text = "Zeit;Anlage;p;T\n2026-03-13T08:00:00Z;Nord;1,5;20,5\n2026-03-13T08:00:00Z;Sued;2,5;21,5\n\
+                2026-03-13T08:00:01Z;Nord;1,6;20,6\n2026-03-13T08:00:01Z;Sued;2,6;21,6\n";
+    let recording = read(text, &[("tag", "Anlage")]).unwrap();
+    let names: Vec<&str> = recording
+        .signals
+        .iter()
+        .map(|signal| signal.name.as_str())
+        .collect();
+    assert_eq!(names, ["Nord.p", "Nord.T", "Sued.p", "Sued.T"]);
+}

@@ -1,0 +1,61 @@
+//! Units as plants spell them, beside how their letters multiply.
+
+/// A foot-pound-force `[N·m]`: 0.3048 m · 0.453 592 37 kg · 9.806 65 m/s².
+const FOOT_POUND: f64 = 0.3048 * 0.453_592_37 * 9.806_65;
+
+/// A torque in pounds and feet or inches, which the letters make a mass by a length `[N·m]`.
+pub(super) fn torque(text: &str) -> Option<f64> {
+    let is_sign = |sign: char| " ·⋅*-.".contains(sign);
+    let letters: String = text.chars().filter(|sign| !is_sign(*sign)).collect();
+    match letters.to_lowercase().as_str() {
+        "lbft" | "ftlb" | "lbfft" | "ftlbf" | "ftlbs" => Some(FOOT_POUND),
+        "lbin" | "inlb" | "lbfin" | "inlbf" | "inlbs" => Some(FOOT_POUND / 12.0),
+        "ozin" | "inoz" | "ozfin" | "inozf" => Some(FOOT_POUND / 192.0),
+        _ => None,
+    }
+}
+
+/// A quotient with brackets around all that it is divided by: `W/mK` and `W/m·K` are `W/(m·K)`, as plants mean
+/// them, and blanks around a `/` say nothing. None where a blank leaves open what belongs to the divisor.
+fn one_divisor(text: &str) -> Option<String> {
+    let parts: Vec<&str> = text.trim().split('/').map(str::trim).collect();
+    let [dividend, divisor] = parts[..] else {
+        return Some(parts.join("/"));
+    };
+    if divisor.starts_with('(') {
+        return Some(parts.join("/"));
+    }
+    if divisor.contains(' ') {
+        return None;
+    }
+    let of_kelvin = divisor
+        .strip_suffix('K')
+        .filter(|before| ["m", "m2", "m²", "m^2", "kg", "g"].contains(before));
+    if let Some(before) = of_kelvin {
+        return Some(format!("{dividend}/({before}·K)"));
+    }
+    match divisor.contains(['·', '⋅', '*']) {
+        true => Some(format!("{dividend}/({divisor})")),
+        false => Some(parts.join("/")),
+    }
+}
+
+/// `m3/(h bar)` as `m^3/(h*bar)`, `s-1` as `s^-1`.
+pub(super) fn out(text: &str) -> Option<String> {
+    let mut spelled = String::with_capacity(text.len() + 8);
+    let text = one_divisor(text)?;
+    let mut symbols = text.chars().peekable();
+    while let Some(symbol) = symbols.next() {
+        let next = symbols.peek().copied().unwrap_or(' ');
+        let ends_a_unit = symbol.is_alphabetic() || symbol == ')';
+        match symbol {
+            ' ' | '.' if next.is_alphabetic() => spelled.push('*'),
+            ' ' => {}
+            _ => spelled.push(symbol),
+        }
+        if ends_a_unit && (next.is_ascii_digit() || next == '-') {
+            spelled.push('^');
+        }
+    }
+    Some(spelled)
+}
