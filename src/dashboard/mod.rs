@@ -123,7 +123,7 @@ static ASSETS: LazyLock<Vec<Asset>> = LazyLock::new(|| {
 fn embedded() -> impl IntoIterator<Item = Asset> { assets! {
     "compare": "differences.js" "jobs.js" "methods.js";
     "data": "datasets.js" "layout.js" "layouts.js" "mark_form.js" "marking.js" "marks.css" "marks.js" "options.js" "plots.js"
-        "quality.js" "roles.js" "upload.js" "versions.js";
+        "quality.js" "roles.js" "units.js" "upload.js" "versions.js";
     "docs": "guide.css" "reference.js";
     "job": "ancestry.js" "budget.js" "contents.js" "correlation.js" "design.js" "disturbance.js" "disturbance_words.js" "effects.js"
         "feed.js" "heat.js" "job.css" "job.js" "live.js" "naming.js" "plain.js" "posterior.js" "profiles.js" "progress.js" "reading.js"

@@ -81,10 +81,14 @@ export async function write(page, editor, text) {
   await page.keyboard.sendCharacter(text);
 }
 
-export async function picture(page, name) {
+// Takes a picture of the page, or of the part of it that is selected.
+export async function picture(page, name, part) {
   if (pictures) {
     fs.mkdirSync(pictures, { recursive: true });
-    await page.screenshot({ path: path.join(pictures, `${name}.png`), fullPage: true });
+    const file = path.join(pictures, `${name}.png`);
+    await (part
+      ? (await page.$(part)).screenshot({ path: file })
+      : page.screenshot({ path: file, fullPage: true }));
   }
 }
 

@@ -46,14 +46,17 @@ const forget = (name) => api(addressOf(name), { method: "DELETE" });
 
 const SECONDS = [0, 1, 2, 3];
 
-// The export has a row for each sample, and the server asks which column names the signals. The last value makes
-// each recording a new one.
+// The export has a row for each sample, and the server asks which column names the signals, because a word stands
+// among the values. The last value makes each recording a new one.
 function exported(day) {
   const rows = SECONDS.flatMap((second) => [
     `2026-03-${day} 08:00:0${second};Druck;${second},5`,
     `2026-03-${day} 08:00:0${second};Temperatur;2${second},25`,
   ]);
-  return ["Zeit;Messstelle;Wert", ...rows, `2026-03-${day} 08:00:04;Druck;${Date.now()},5`, ""].join("\r\n");
+  const last = `2026-03-${day} 08:00:04`;
+  return ["Zeit;Messstelle;Wert", ...rows, `${last};Temperatur;NA`, `${last};Druck;${Date.now()},5`, ""].join(
+    "\r\n",
+  );
 }
 
 function ofMachines() {

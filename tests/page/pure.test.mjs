@@ -573,8 +573,8 @@ const layoutOf = (answer, values = {}, guess = answer) => ({
 });
 
 test("only a text has first rows to show", () => {
-  const names = ["a.csv", "a.txt", "a", "a.csv.gz", "a.XLSX", "a.parquet", "a.json"];
-  assert.deepEqual(names.filter(isText), ["a.csv", "a.txt", "a"]);
+  const names = ["a.csv", "a.txt", "a", "a.csv.gz", "a.XLSX", "a.parquet", "a.json", "a.json.gz"];
+  assert.deepEqual(names.filter(isText), ["a.csv", "a.txt", "a", "a.csv.gz"]);
 });
 
 test("a list of names is written so that a comma in a name does not part it", () => {

@@ -6,7 +6,9 @@ import test from "node:test";
 
 const part = (name) => import(new URL(`../../src/dashboard/assets/data/${name}`, import.meta.url));
 const { faultsOfName, optionsOf, parametersOf } = await part("layouts.js");
-const { askedFor, OPTIONS, textOfOptions } = await part("options.js");
+const { answersIn, askedFor, OPTIONS, textOfOptions } = await part("options.js");
+const { changesOfKind, changesOfRole, withRolesOfOptions } = await part("roles.js");
+const { unitsIn, unitsSupposed, unitsText, withUnit } = await part("units.js");
 
 const LAYOUT = {
   name: "historian",
@@ -77,4 +79,71 @@ test("the server asks for an option by a parameter, by its words, or by the path
     { pointer: "/signals/missing", detail: "no samples" },
   ];
   assert.deepEqual(askedFor(faults), ["tz", "tag", "decimal"]);
+});
+
+test("a column that is called like an option is not asked for, and an option is named by its value too", () => {
+  const unclear = { code: "time_unit_needed", column: "time", detail: "`time` may be days; say `time_unit`" };
+  assert.deepEqual(askedFor([unclear]), ["time_unit"]);
+  assert.deepEqual(askedFor([{ parameter: "time", column: "time", detail: "no column" }]), ["time"]);
+  assert.deepEqual(askedFor([{ detail: "say decimal=, or decimal=." }]), ["decimal"]);
+});
+
+test("the words of the server give answers", () => {
+  const answers = {
+    "its comma may stand between thousands: say decimal=, or decimal=.; and 5 more like it": [
+      ["decimal", ","],
+      ["decimal", "."],
+    ],
+    "the text is not UTF-8; say its encoding, such as encoding=windows-1252": [["encoding", "windows-1252"]],
+    "or say `header_row=none`, and the columns are called `column_1`": [["header_row", "none"]],
+    "If they stand for missing ones, say missing=-9999.5": [["missing", "-9999.5"]],
+    "say which with `units`, such as `units=name:unit`": [],
+    "`flow=7` is no number": [],
+  };
+  for (const [words, expected] of Object.entries(answers)) {
+    assert.deepEqual(answersIn(words), expected, words);
+  }
+});
+
+test("the units of signals are read and written as the option takes them", () => {
+  const units = { "p, in": "bar", "a:b": "m", q: "l/min" };
+  assert.deepEqual(unitsIn(unitsText(units)), units);
+  assert.equal(unitsText({ p: "bar", "a:b": "m" }), "p:bar, a:b:m");
+  assert.deepEqual(unitsIn("p:bar, a:b:m"), { p: "bar", "a:b": "m" });
+  assert.deepEqual(unitsIn(""), {});
+  assert.deepEqual(unitsIn("{"), {});
+  const column = { name: "p", unit: "bar" };
+  assert.equal(withUnit("q:m", column, "MPa"), "q:m, p:MPa");
+  for (const unit of ["", "bar"]) {
+    assert.equal(withUnit("q:m, p:MPa", column, unit), "q:m");
+  }
+});
+
+test("a fault about a unit tells the units that are supposed", () => {
+  assert.deepEqual(unitsSupposed("unit `mPa` may be what its letters say or `MPa`: say `units`"), ["MPa"]);
+  assert.deepEqual(unitsSupposed("unit `kp/qcm` is not known; did you mean `kp/cm2`?: say"), ["kp/cm2"]);
+  assert.deepEqual(unitsSupposed("unit `skt` is not known: say which with `units`"), []);
+});
+
+const columnsOf = (...roles) => roles.map((role, k) => ({ title: `c${k}`, name: `c${k}`, unit: null, role }));
+const answerOf = (format, ...roles) => ({ format, columns: columnsOf(...roles), rows: [], faults: [] });
+const rolesIn = ({ columns }) => columns.map(({ role }) => role);
+
+test("a column has the role that an option says where the server still shows a signal", () => {
+  const paired = answerOf("paired_csv", "time", "signal", "signal");
+  const values = valuesOf({ ignore: "c2" });
+  const drawn = withRolesOfOptions(paired, values);
+  assert.deepEqual(rolesIn(drawn), ["time", "signal", "left_out"]);
+  assert.deepEqual(changesOfRole({ answer: drawn, values }, 2, "signal"), { ignore: "" });
+  const long = answerOf("long_csv", "time", "signal", "signal", "signal");
+  const options = valuesOf({ tag: "c1", value: "c3", ignore: "c2" });
+  assert.deepEqual(rolesIn(withRolesOfOptions(long, options)), ["time", "tag", "signal", "value"]);
+});
+
+test("rows with a time beside each signal are read otherwise, and as before", () => {
+  const cleared = { tag: "", value: "", quality: "" };
+  const guess = answerOf("paired_csv", "time", "signal");
+  const layout = { answer: guess, values: valuesOf({}), guess };
+  assert.deepEqual(changesOfKind(layout, "wide"), { ...cleared, format: "wide_csv" });
+  assert.deepEqual(changesOfKind(layout, "paired"), { ...cleared, format: "" });
 });

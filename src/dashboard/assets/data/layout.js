@@ -4,9 +4,10 @@
 // is asked again.
 
 import { query, request } from "../shell/api.js";
-import { h, keepingFocus, quoted } from "../shell/dom.js";
+import { h, keepingFocus, quoted, smallButton } from "../shell/dom.js";
 import { count, unitText, words } from "../shell/format.js";
 import { parametersOf } from "./layouts.js";
+import { answersIn, textOfOptions } from "./options.js";
 import {
   changesOfKind,
   changesOfRole,
@@ -20,11 +21,15 @@ import {
   ROLE_WORDS,
   rolesOf,
   sentenceOf,
+  withRolesOfOptions,
 } from "./roles.js";
+import { unitsIn, unitsSupposed, withUnit } from "./units.js";
 
 const WAIT_MS = 250;
 const HEAD_BYTES = 65_536;
 const COLUMNS_SHOWN = 60;
+const LONG_TEXT = 28;
+const FORMATS = { wide: "wide_csv", paired: "paired_csv", long: "long_csv" };
 const KIND_WORDS = { titles: "titles", units: "units", left_out: "left out", data: "data" };
 
 // The part shows the first rows of a file. `form.values()` gives the options by their names, `form.saved()` the
@@ -34,7 +39,7 @@ export class LayoutPart {
   constructor(form, signal) {
     this.form = form;
     this.signal = signal;
-    /** @type {{ head: Blob, type: string } | null} */
+    /** @type {{ head: Promise<Blob>, type: string } | null} */
     this.file = null;
     // The guesses are the answers for options that give no column a role, by the values of these options.
     /** @type {Map<string, import("./roles.js").Answer>} */
@@ -45,6 +50,7 @@ export class LayoutPart {
     this.choices = h("div", { class: "fields" });
     this.box = h("div", { class: "scroll", tabindex: "0", role: "region", "aria-label": "First rows" });
     this.refusal = h("div", { "aria-live": "polite" });
+    this.notes = h("div", {});
     this.element = h(
       "section",
       { class: "first-rows", "aria-label": "How the file is read", hidden: true },
@@ -52,12 +58,15 @@ export class LayoutPart {
       this.choices,
       this.box,
       this.refusal,
+      this.notes,
     );
   }
 
   // Shows the first rows of a file, and no rows where there is no file or the file is no text.
   choose(file, type) {
-    this.file = file && { head: file.slice(0, HEAD_BYTES), type };
+    this.file = file && { head: headOf(file), type };
+    // A file that is not packed as its name says is told when it is read.
+    this.file?.head.catch(() => {});
     this.guesses.clear();
     this.hide();
     this.soon(0);
@@ -67,6 +76,7 @@ export class LayoutPart {
     clearTimeout(this.timer);
     this.asking.abort();
     if (this.file) {
+      this.element.setAttribute("aria-busy", "true");
       this.timer = setTimeout(() => this.ask(), wait);
     }
   }
@@ -74,13 +84,14 @@ export class LayoutPart {
   // An answer that comes after the next question is dropped.
   async ask() {
     this.asking = new AbortController();
+    const { head, type } = this.file;
     const values = this.form.values();
     const parameters = parametersOf(values, this.form.saved());
     try {
       const { data } = await request("POST", `/v1/layouts${query(parameters)}`, {
-        body: this.file.head,
+        body: await head,
         signal: AbortSignal.any([this.asking.signal, this.signal]),
-        headers: { "content-type": this.file.type },
+        headers: { "content-type": type },
       });
       this.show(data, values);
     } catch (error) {
@@ -105,13 +116,18 @@ export class LayoutPart {
   hide() {
     this.element.hidden = true;
     this.box.hidden = true;
-    for (const part of [this.sentence, this.choices, this.box, this.refusal]) {
+    this.element.removeAttribute("aria-busy");
+    for (const part of [this.sentence, this.choices, this.box, this.refusal, this.notes]) {
       part.replaceChildren();
     }
   }
 
-  /** @param {import("./roles.js").Answer} answer */
-  show(answer, values) {
+  /**
+   * @param {import("./roles.js").Answer} told
+   * @param {Record<string, string>} values
+   */
+  show(told, values) {
+    const answer = withRolesOfOptions(told, values);
     const unrelated = Object.entries(values).filter(([option]) => !LAYOUT_OPTIONS.includes(option));
     const keyOf = (titles, units) => JSON.stringify([titles, units, unrelated]);
     const key = keyOf(values.header_row, values.unit_row);
@@ -127,9 +143,11 @@ export class LayoutPart {
     this.element.hidden = false;
     keepingFocus(this.element, () => this.draw(layout));
     this.refuse(answer.faults);
+    this.note(answer.warnings);
   }
 
   refuse(faults) {
+    this.element.removeAttribute("aria-busy");
     this.refusal.replaceChildren(
       ...(faults.length
         ? [
@@ -137,12 +155,54 @@ export class LayoutPart {
             h(
               "ul",
               { class: "warnings" },
-              faults.map(({ detail }) => h("li", {}, quoted(detail))),
+              merged(faults).map(({ detail, column, rest }) =>
+                h("li", {}, quoted(detail), rest && ` (${rest})`, this.answersTo(detail, column)),
+              ),
             ),
           ]
         : []),
     );
-    this.form.answered(faults);
+    this.form.answered(faults.filter((fault) => !this.hasUnitField(fault)));
+  }
+
+  // Lists what the report of the recording will tell.
+  note(warnings) {
+    this.notes.replaceChildren(
+      ...(warnings.length
+        ? [
+            h("p", { class: "quiet" }, "The report of the recording will tell:"),
+            ...warnings.map(({ signal, detail }) =>
+              h(
+                "p",
+                { class: "note" },
+                signal && [h("strong", {}, signal), ": "],
+                quoted(detail),
+                this.answersTo(detail),
+              ),
+            ),
+          ]
+        : []),
+    );
+  }
+
+  // A button for each answer that the server words, and for each unit that it supposes a column to have.
+  answersTo(detail, column = "") {
+    const values = this.form.values();
+    const answers = answersIn(detail)
+      .filter(([option, value]) => values[option] !== value)
+      .map(([option, value]) => ({ changes: { [option]: value }, text: textOfOptions({ [option]: value }) }));
+    const supposed = (column ? unitsSupposed(detail) : []).map((unit) => ({
+      changes: { units: withUnit(values.units, { name: column, unit: null }, unit) },
+      text: `Unit of ${column}: ${unit}`,
+    }));
+    const buttons = [...answers, ...supposed].map(({ changes, text }) => {
+      const act = () => {
+        this.form.put(changes);
+        this.box.focus();
+      };
+      return smallButton(text, text, act);
+    });
+    return buttons.length > 0 && h("span", { class: "answers" }, buttons);
   }
 
   draw(layout) {
@@ -154,15 +214,16 @@ export class LayoutPart {
 
   choicesOf(layout) {
     const { answer, values } = layout;
-    const hasKind = ["wide_csv", "long_csv"].includes(answer.format);
+    const kind = Object.keys(FORMATS).find((name) => FORMATS[name] === answer.format);
+    const hasPairs = [answer, layout.guess].some((told) => told?.format === FORMATS.paired);
     const kinds = [
       ["wide", "one sample of every signal"],
+      ...(hasPairs ? [["paired", "signals with a time or quality each"]] : []),
       ["long", "one sample of one signal"],
     ];
-    const kind = isLong(answer) ? "long" : "wide";
     const hidden = answer.columns.length - COLUMNS_SHOWN;
     return [
-      hasKind
+      kind
         ? h(
             "label",
             {},
@@ -225,7 +286,9 @@ export class LayoutPart {
   headOf(layout, k) {
     const column = layout.answer.columns[k];
     if (!column) {
-      return h("th", { scope: "col" }, "No title");
+      // The server gives some formats no columns, though they have titles.
+      const titles = layout.answer.rows.find(({ line }) => line === layout.answer.header_row);
+      return h("th", { scope: "col" }, titles?.fields[k] || "No title");
     }
     const name = column.name || column.title || `column ${k + 1}`;
     const options = rolesOf(layout.answer, column).map((role) => {
@@ -239,7 +302,7 @@ export class LayoutPart {
       "th",
       { scope: "col", class: roleClass(column) },
       h("span", { class: "name" }, name),
-      column.unit && h("span", { class: "unit" }, ` ${unitText(column.unit)}`),
+      this.unitOf(layout, k),
       h(
         "select",
         {
@@ -252,6 +315,35 @@ export class LayoutPart {
     );
   }
 
+  // A unit that is asked for is said above its column, where there is a field for it.
+  hasUnitField(fault) {
+    const fields = [...this.box.querySelectorAll("input.unit")];
+    return fields.some((field) => isAboutUnit(fault, { name: field.dataset.name }));
+  }
+
+  // A column that is a signal by itself has a field for its unit.
+  unitOf({ answer, values }, k) {
+    const column = answer.columns[k];
+    const isSignal = column.role === "signal" && !isLong(answer);
+    if (!isSignal) {
+      return column.unit && h("span", { class: "unit" }, ` ${unitText(column.unit)}`);
+    }
+    const text = unitsIn(values.units)[column.name] ?? column.unit ?? "";
+    const isUnknown = answer.faults.some((fault) => isAboutUnit(fault, column));
+    return h("input", {
+      type: "text",
+      class: "unit",
+      value: text,
+      size: "1",
+      "data-name": column.name,
+      placeholder: "unit",
+      "aria-label": `Unit of column ${k + 1}, ${column.name}`,
+      "aria-invalid": isUnknown && "true",
+      onchange: ({ target }) =>
+        this.form.put({ units: withUnit(this.form.values().units, column, target.value.trim()) }),
+    });
+  }
+
   rowOf(layout, { line, fields }, { width, isNamed }) {
     const kind = kindOfRow(layout.answer, line);
     const { columns } = layout.answer;
@@ -259,7 +351,9 @@ export class LayoutPart {
     const isWhole = fields.length === 1 && width > 1;
     const cells = isWhole
       ? [h("td", { colspan: String(width) }, fields[0])]
-      : Array.from({ length: width }, (_, k) => h("td", { class: roleClass(columns[k]) }, fields[k] ?? ""));
+      : Array.from({ length: width }, (_, k) =>
+          this.cellOf(columns.length ? roleClass(columns[k]) : null, fields[k] ?? ""),
+        );
     return h(
       "tr",
       { class: kind.replace("_", "-") },
@@ -271,6 +365,11 @@ export class LayoutPart {
       ),
       cells,
     );
+  }
+
+  // A text that is too long for its column is told whole by the pointer.
+  cellOf(kind, text) {
+    return h("td", { class: kind, title: text.length > LONG_TEXT && text }, text);
   }
 
   kindChoice(layout, line, kind) {
@@ -291,6 +390,44 @@ export class LayoutPart {
       isOpen(layout.answer, option) && doubted(KIND_WORDS[kind]),
     );
   }
+}
+
+const isAboutUnit = ({ code, column }, { name }) => code === "unknown_unit" && column === name;
+
+// Gives the beginning of a file, unpacked where its name says that it is packed.
+async function headOf(file) {
+  if (!/\.gz$/i.test(file.name)) {
+    return file.slice(0, HEAD_BYTES);
+  }
+  const reader = file.stream().pipeThrough(new DecompressionStream("gzip")).getReader();
+  const parts = [];
+  let size = 0;
+  while (size < HEAD_BYTES) {
+    const { done, value } = await reader.read();
+    if (done) {
+      break;
+    }
+    parts.push(value);
+    size += value.length;
+  }
+  reader.cancel();
+  return new Blob(parts).slice(0, HEAD_BYTES);
+}
+
+// Faults of a kind in a column are told once, with the number of the rest.
+function merged(faults) {
+  const kinds = new Map();
+  for (const [k, fault] of faults.entries()) {
+    const key = fault.column ? `${fault.code} ${fault.column}` : String(k);
+    const more = Number(/and (\d+) more like it/.exec(fault.detail)?.[1] ?? 0);
+    const kind = kinds.get(key);
+    kinds.set(key, { first: kind?.first ?? fault, lines: (kind?.lines ?? 0) + 1 + more });
+  }
+  return [...kinds.values()].map(({ first, lines }) => ({
+    detail: first.detail,
+    column: first.column,
+    rest: lines > 1 && `and ${count(lines - 1)} more like it`,
+  }));
 }
 
 // A guess that the server asks about stands with a question mark, so that the reader can choose it.

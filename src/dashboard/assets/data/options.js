@@ -9,6 +9,8 @@ import { words } from "../shell/format.js";
 // Each option tells the server something about a file; it has a title and either a hint or a list of
 // choices. The server says which choices the options of NAMED have.
 const NAMED = ["format", "quality_scheme"];
+// A hint of so many characters fits a field of the usual width.
+const SHORT_HINT = 18;
 export const OPTIONS = {
   tz: { title: "Time zone of its clock", hint: "Europe/Berlin", list: () => zones() },
   time_unit: {
@@ -61,14 +63,30 @@ function zones() {
 }
 
 // The server asks for an option in a refusal by naming it, in the words of a fault, as the parameter of a fault
-// or, where a layout is saved, by the path of the option.
+// or, where a layout is saved, by the path of the option. The words also name the column, which may be called like
+// an option.
 export function askedFor(faults) {
-  const named = faults.flatMap(({ detail = "", parameter, pointer = "" }) => [
+  const named = faults.flatMap(({ detail = "", parameter, pointer = "", column }) => [
     parameter,
     /^\/options\/([a-z_]+)$/.exec(pointer)?.[1],
-    ...[...detail.matchAll(/`([a-z_]+)`/g)].map(([, name]) => name),
+    ...[...detail.matchAll(/`([a-z_]+)`|\b([a-z_]+)=/g)]
+      .map(([, quotedName, name]) => quotedName ?? name)
+      .filter((name) => name !== column),
   ]);
   return [...new Set(named)].filter((name) => name in OPTIONS);
+}
+
+// Lists the answers that the words of the server give with their option, such as missing=-9999. The words
+// `units=name:unit` only tell how units are written.
+/**
+ * @param {string} detail
+ * @returns {[string, string][]}
+ */
+export function answersIn(detail) {
+  const answers = [...detail.matchAll(/\b([a-z_]+)=(\S+?)(?=[`.,;:]*(?:\s|$))/g)];
+  return answers
+    .map(([, option, value]) => /** @type {[string, string]} */ ([option, value]))
+    .filter(([option]) => option in OPTIONS && option !== "units");
 }
 
 // Writes options in the words of their fields.
@@ -101,7 +119,12 @@ function field(option) {
         h("option", { value: "" }, "as the file says"),
         choices.map(([value]) => choiceOf(option, value)),
       )
-    : h("input", { type: "text", placeholder: hint, list: suggestions ? suggestions.id : null });
+    : h("input", {
+        type: "text",
+        placeholder: hint,
+        size: hint && hint.length > SHORT_HINT && String(hint.length),
+        list: suggestions ? suggestions.id : null,
+      });
   return { label: h("label", {}, title, input, suggestions), input };
 }
 

@@ -4,6 +4,7 @@
 // empty.
 
 const WIDE = ["time", "signal", "left_out"];
+const PAIRED = ["signal", "left_out"];
 const LONG = ["time", "tag", "value", "quality", "left_out"];
 const DELIMITERS = {
   ",": "commas",
@@ -39,8 +40,8 @@ export const LAYOUT_OPTIONS = ["header_row", "unit_row", ...ROLE_OPTIONS];
  * @typedef {{ answer: Answer, values: Record<string, string>, guess?: Answer, rowGuess?: Answer }} Layout
  */
 
-// Spreadsheets, archives and JSON have no lines to look at.
-export const isText = (name) => !/\.(xlsx|parquet|gz|json)$/i.test(name);
+// Spreadsheets and JSON have no lines to look at; a text may be packed.
+export const isText = (name) => !/\.(xlsx|parquet|json)(\.gz)?$/i.test(name);
 
 // Writes names as an option takes them: separated by commas, or as a JSON array where commas do not part them.
 export function listText(names) {
@@ -90,6 +91,29 @@ export function namedLines({ rows, first_row: first }) {
 export const isOpen = (answer, option) =>
   option !== undefined && (answer?.faults ?? []).some(({ parameter }) => parameter === option);
 
+// Gives the answer with the roles that the options say for columns which the server shows as signals: it does so
+// with the formats of programs, and while it asks for other columns.
+/**
+ * @param {Answer} answer
+ * @param {Record<string, string>} values
+ * @returns {Answer}
+ */
+export function withRolesOfOptions(answer, values) {
+  const ignored = namesIn(values.ignore);
+  const ofValues = namesIn(values.value);
+  const roleOf = ({ title, name }) =>
+    isLong(answer)
+      ? (["time", "tag", "quality"].find((role) => values[role] === title && title !== "") ??
+        (ofValues.includes(title) ? "value" : "signal"))
+      : ignored.includes(name)
+        ? "left_out"
+        : "signal";
+  const columns = answer.columns.map((column) =>
+    column.role === "signal" ? { ...column, role: roleOf(column) } : column,
+  );
+  return { ...answer, columns };
+}
+
 const nothingIn = (changes) => (Object.keys(changes).length ? changes : null);
 
 // Gives the options that make titles or units of a line, or neither, and null where no option says it.
@@ -130,7 +154,7 @@ export const isLong = ({ format }) => format === "long_csv";
 // signals out at the most.
 /** @param {Answer} answer */
 export function rolesOf({ format }, { role }) {
-  const roles = { wide_csv: WIDE, long_csv: LONG }[format] ?? ["signal", "left_out"];
+  const roles = { wide_csv: WIDE, long_csv: LONG }[format] ?? PAIRED;
   return roles.includes(role) ? roles : [role, ...roles];
 }
 
@@ -226,7 +250,8 @@ export function likelyTag({ columns, rows, faults, first_row: first }) {
   return columns[k]?.title ?? "";
 }
 
-// Gives the options for rows that hold a sample of every signal ("wide") or of a single signal ("long").
+// Gives the options for rows that hold a sample of every signal ("wide"), of every signal with a time or a quality
+// of its own ("paired"), or of a single signal ("long").
 /**
  * @param {Layout} layout
  * @param {string} kind
@@ -237,8 +262,9 @@ export function changesOfKind({ answer, values, guess }, kind) {
   if (kind === "long") {
     return guess && isLong(guess) ? cleared : { ...cleared, tag: likelyTag(answer) };
   }
-  const isTold = guess ? isLong(guess) : !values.tag && !values.value;
-  return { ...cleared, format: isTold ? "wide_csv" : "" };
+  const guessed = guess?.format ?? (values.tag || values.value ? "wide_csv" : "");
+  const format = `${kind}_csv`;
+  return { ...cleared, format: guessed === format ? "" : format };
 }
 
 // Says in words where the titles, the units and the samples are.
