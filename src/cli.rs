@@ -5,6 +5,7 @@
 
 mod assignments;
 mod client;
+mod collect;
 mod collector;
 mod compare;
 mod database;
@@ -52,6 +53,8 @@ enum Command {
     Simulate(simulate::Arguments),
     /// Make one of the demonstration recordings, as CSV
     Record(record::Arguments),
+    /// Fetch samples from historians, as a file says, and append them to streams of a server
+    Collect(collect::CollectArguments),
     /// Copy a database into a file, while a server works with it
     Backup(database::BackupArguments),
     /// Put a backup in the place of a database that no server works with
@@ -96,6 +99,7 @@ fn run(command: Command) -> Result<(), CommandError> {
         Command::Compare(arguments) => compare::compare(&arguments),
         Command::Simulate(arguments) => simulate::simulate(&arguments),
         Command::Record(arguments) => record::record(&arguments),
+        Command::Collect(arguments) => collect::collect(&arguments),
         Command::Backup(arguments) => database::backup(&arguments),
         Command::Restore(arguments) => database::restore(&arguments),
         Command::Database(command) => database::run(&command),

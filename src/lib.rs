@@ -18,6 +18,8 @@ pub mod cli;
 
 pub mod app;
 
+pub mod collect;
+
 pub mod config;
 
 pub mod api;

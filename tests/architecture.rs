@@ -28,9 +28,12 @@ const CRATES: [Crate; 5] = [
     Crate { name: "service", folder: "src", rooms: &[
         // The command line starts servers, runs the method without one, and looks after the
         // database of one that does not run.
-        ("cli", &["app", "config", "api", "access", "encrypted_file", "outbound", "store", "span", "job"]),
+        ("cli", &["app", "collect", "config", "api", "access", "encrypted_file", "outbound", "store", "span", "job"]),
         // The composition root; only the command line imports it.
         ("app", &["access", "allowance", "config", "api", "dashboard", "delivery", "identity", "job", "priority", "store", "event", "watcher", "worker"]),
+        // Samples on their way from historians to streams, in a process of their own: of the store the address of
+        // a PostgreSQL alone.
+        ("collect", &["access", "outbound", "store"]),
         // Settings are handed to the parts as the parts' own types.
         ("config", &["api", "access", "delivery", "identity", "outbound", "store", "worker"]),
         ("api", &["access", "admission", "allowance", "dashboard", "delivery", "event", "identity", "priority", "span", "monitor", "store", "job"]),
@@ -100,20 +103,20 @@ const OUTSIDE_WORLD: &[&str] = &[
 const PLACES: &[(&str, &[&str])] = &[
     // Settings name headers, and spans come from them.
     ("axum", &["src/api", "src/dashboard", "src/app", "src/config", "src/span.rs"]),
-    ("hyper", &["src/app", "src/cli", "src/delivery", "src/identity", "src/outbound"]),
+    ("hyper", &["src/app", "src/cli", "src/collect", "src/delivery", "src/identity", "src/outbound"]),
     ("hyper_util", &["src/app", "src/outbound"]),
     // The address of a PostgreSQL is a URL too.
-    ("url", &["src/cli", "src/delivery", "src/identity", "src/outbound", "src/store/postgres_address.rs"]),
+    ("url", &["src/cli", "src/collect", "src/delivery", "src/identity", "src/outbound", "src/store/postgres_address.rs"]),
     ("ring", &["src/encrypted_file", "src/identity", "src/store/secret_keys.rs"]),
     ("x25519_dalek", &["src/encrypted_file"]),
     ("bech32", &["src/encrypted_file"]),
-    ("rustls", &["src/app", "src/cli", "src/delivery", "src/identity", "src/outbound"]),
+    ("rustls", &["src/app", "src/cli", "src/collect/endpoint.rs", "src/delivery", "src/identity", "src/outbound"]),
     ("tokio_rustls", &["src/app", "src/outbound"]),
     ("rustls_native_certs", &["src/outbound"]),
     // A module of `ring` has the same name.
     ("hmac", &["src/delivery", "src/encrypted_file"]),
     // Clients of InfluxDB send their password in it.
-    ("base64", &["src/delivery", "src/encrypted_file", "src/identity", "src/store/secret_keys.rs", "src/api/sinks/credentials.rs"]),
+    ("base64", &["src/delivery", "src/encrypted_file", "src/identity", "src/store/secret_keys.rs", "src/api/sinks/credentials.rs", "src/collect/endpoint.rs"]),
     ("tokio_io_timeout", &["src/app"]),
     ("http_body", &["src/api"]),
     ("http_body_util", &["src/outbound"]),
@@ -126,7 +129,9 @@ const PLACES: &[(&str, &[&str])] = &[
     ("tower", &["src/api", "src/dashboard", "src/app"]),
     ("tower_http", &["src/api", "src/dashboard", "src/app"]),
     ("utoipa_axum", &["src/api"]),
-    ("sqlx", &["src/store", "src/worker"]),
+    // A collector reads databases of others, and keeps its cursors in one.
+    ("sqlx", &["src/store", "src/worker", "src/collect"]),
+    ("toml", &["src/collect/document.rs"]),
     ("riverqueue", &["src/store", "src/worker"]),
     ("tracing_subscriber", &["src/cli"]),
     ("tracing_appender", &["src/cli/telemetry.rs"]),
@@ -358,10 +363,10 @@ fn only_the_settings_read_the_environment() {
         .into_iter()
         .filter(|source| source.code.contains("env::var"));
     let readers: Vec<String> = readers.map(|source| source.file).collect();
-    assert!(
-        readers.iter().all(|path| path == "src/config.rs"),
-        "{readers:?}"
-    );
+    // A sources file names the secrets of a collector by variables too.
+    let settings = ["src/config.rs", "src/collect/secret.rs"];
+    let are_settings = readers.iter().all(|path| settings.contains(&&**path));
+    assert!(are_settings, "{readers:?}");
 }
 
 #[test]

@@ -4,8 +4,9 @@
     python3 benches/plant/run.py full slow turns --program target/release/greybox
 
 Each prints a line of figures; the status is 1 where one is not what was promised. It needs nothing beyond
-Python itself and Linux; those whose names begin with `nodes` need a PostgreSQL, and `bytes` uses one where there is
-one. Servers listen on loopback, with databases of their own in the folder for temporary files.
+Python itself and Linux; those whose names begin with `nodes` or `collect` need a PostgreSQL, and `bytes` uses one where
+there is one; those that begin with `collect` use an InfluxDB 1 where there is one. Servers listen on loopback, with
+databases of their own in the folder for temporary files.
 """
 
 import argparse
@@ -14,6 +15,8 @@ import signal
 import sys
 
 import bytes as changed_bytes
+import collect
+import collect_speed
 import kept
 import nodes
 import outside
@@ -40,6 +43,8 @@ ALL = {
     **nodes.ALL,
     **overlap.ALL,
     **together.ALL,
+    "collect": collect.collect,
+    "collect_speed": collect_speed.collect_speed,
 }
 
 
@@ -47,7 +52,7 @@ def main():
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("what", nargs="+", choices=ALL)
     parser.add_argument("--program", default=os.path.join(HERE, "..", "..", "target", "release", "greybox"))
-    parser.add_argument("--count", type=int, help="how many: times, clients, trials, kills, jobs, requests")
+    parser.add_argument("--count", type=int, help="how many: times, clients, trials, kills, jobs, requests, days")
     parser.add_argument("--seconds", type=float, default=6, help="how long `slow` looks at a time")
     parser.add_argument("--minutes", type=float, default=8, help="how long `cost` begins jobs, and `soak` lasts")
     parser.add_argument("--faketime", help="libfaketime.so.1, for `clock` and `nodes_clock`")

@@ -106,6 +106,8 @@ class Server:
         self.url = url or f"sqlite://{self.path}"
         self.environment = {**os.environ, **(environment or {})}
         self.process = None
+        # The address at which the server listens; with port 0 the system chooses one at each start.
+        self.listen = "127.0.0.1:0"
         # Where the process writes why it does not start.
         self.errors = subprocess.DEVNULL
         # A measurement that breaks off leaves no server behind.
@@ -117,7 +119,7 @@ class Server:
 
     def start(self):
         """Starts it; says whether it answers."""
-        command = [self.program, "serve", "--listen", "127.0.0.1:0", "--log", "error",
+        command = [self.program, "serve", "--listen", self.listen, "--log", "error",
                    "--database", self.url, *self.settings]
         # A file that may not grow is to be an error that is answered, not the end of the process.
         self.process = subprocess.Popen(

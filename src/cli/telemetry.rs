@@ -34,16 +34,24 @@ impl Telemetry {
     /// Begins to log to standard error, as text for people and as JSON for programs; and to send spans
     /// where the settings name a collector.
     pub fn begin(settings: &Settings) -> Result<Self, CommandError> {
-        let filter = &settings.log;
-        let targets: Targets = filter
-            .parse()
-            .map_err(|error| CommandError::input(format!("--log {filter}: {error}")))?;
         let otlp = &settings.otlp;
         let traces = otlp
             .otlp_endpoint
             .as_deref()
             .map(|endpoint| exporter(Collector::at(endpoint, otlp.otlp_ca.as_deref())?))
             .transpose()?;
+        Self::of(&settings.log, traces)
+    }
+
+    /// Begins to log, without spans.
+    pub fn of_lines(filter: &str) -> Result<Self, CommandError> {
+        Self::of(filter, None)
+    }
+
+    fn of(filter: &str, traces: Option<SdkTracerProvider>) -> Result<Self, CommandError> {
+        let targets: Targets = filter
+            .parse()
+            .map_err(|error| CommandError::input(format!("--log {filter}: {error}")))?;
         let spans = traces.as_ref().map(|traces| {
             let spans_alone = Targets::new().with_target(span::TARGET, LevelFilter::INFO);
             let spans = tracing_opentelemetry::layer().with_tracer(traces.tracer("greybox"));

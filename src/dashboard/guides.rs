@@ -43,7 +43,7 @@ macro_rules! guide {
 }
 
 /// The guides stand in the order of the navigation.
-pub static GUIDES: [Guide; 12] = [
+pub static GUIDES: [Guide; 13] = [
     guide!("start", "First job"),
     guide!("import", "Recordings and units"),
     guide!("models", "Models"),
@@ -51,6 +51,7 @@ pub static GUIDES: [Guide; 12] = [
     guide!("jobs", "Jobs"),
     guide!("monitors", "Monitors"),
     guide!("agents", "Collecting agents"),
+    guide!("collect", "A collector beside the historian"),
     guide!("designs", "Which experiment next"),
     guide!("selections", "Which windows of a year"),
     guide!("verdicts", "Verdicts"),

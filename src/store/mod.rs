@@ -101,7 +101,7 @@ pub use nodes::Nodes;
 pub use omf_definitions::{DefinitionsPut, MAX_DEFINITION_BYTES, MAX_DEFINITIONS};
 pub use opening::{DatabasePlace, DatabaseSettings};
 pub use page::Page;
-pub use postgres_address::AddressError;
+pub use postgres_address::{AddressError, parse as postgres_options};
 pub use queue::{QUEUE, SliceOfJob, SliceQueue, project_of, queue_of};
 pub use quotas::Quotas;
 pub use results::{Results, StoredResult};

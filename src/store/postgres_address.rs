@@ -40,7 +40,7 @@ pub enum AddressError {
 ///
 /// # Errors
 /// The text is no address, names files that cannot be read, or asks for half a check of the server.
-pub(super) fn parse(address: &str) -> Result<PgConnectOptions, AddressError> {
+pub fn parse(address: &str) -> Result<PgConnectOptions, AddressError> {
     let url: Url = address.parse().map_err(|_| AddressError::NotAnAddress)?;
     let options: PgConnectOptions = address.parse().map_err(|_| AddressError::NotAnAddress)?;
     let mode = options.get_ssl_mode();

@@ -8,6 +8,7 @@ mod audit;
 mod candidates;
 #[path = "../../src/store/tests/cluster.rs"]
 mod cluster;
+mod collecting;
 mod comparisons;
 
 mod dataset_versions;

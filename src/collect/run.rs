@@ -1,0 +1,149 @@
+//! All sources at once, each by itself: one that is away keeps no other back.
+
+use std::collections::BTreeSet;
+use std::time::Duration;
+
+use tokio::task::JoinSet;
+
+use super::cursors::Cursors;
+use super::delivery::StreamDelivery;
+use super::error::CollectError;
+use super::pass::{Brought, SeriesPass};
+use super::sources_file::SampleSource;
+
+/// The first wait after a failure; each further one is twice as long.
+const SHORTEST_WAIT: Duration = Duration::from_secs(1);
+/// The longest wait after a failure.
+const LONGEST_WAIT: Duration = Duration::from_secs(60);
+
+/// When collecting ends.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Until {
+    /// When each series has come to now, or failed.
+    CaughtUp,
+    /// Never.
+    Stopped,
+}
+
+/// Collects from all sources, and says how many series failed in their last pass.
+pub async fn collect(
+    sources: Vec<SampleSource>,
+    cursors: &Cursors,
+    delivery: &StreamDelivery,
+    until: Until,
+) -> usize {
+    let mut tasks = JoinSet::new();
+    for source in sources {
+        let (cursors, delivery) = (cursors.clone(), delivery.clone());
+        tasks.spawn(follow(source, cursors, delivery, until));
+    }
+    let mut failed = 0;
+    while let Some(ended) = tasks.join_next().await {
+        failed += ended.unwrap_or_else(|error| std::panic::resume_unwind(error.into_panic()));
+    }
+    failed
+}
+
+/// What a round over all series of a source came to.
+#[derive(Clone, Copy, Debug, Default)]
+struct SourceRound {
+    /// The series that failed.
+    failures: usize,
+    /// Whether the source or the server was away: all series of the source wait then.
+    is_away: bool,
+    /// The wait that the server asks for.
+    asked_wait: Option<Duration>,
+}
+
+/// Passes over all series of a source, again and again, and says how many failed in the last round.
+async fn follow(
+    source: SampleSource,
+    cursors: Cursors,
+    delivery: StreamDelivery,
+    until: Until,
+) -> usize {
+    let mut rows: Vec<u32> = vec![source.page_rows; source.series.len()];
+    let mut told: Vec<BTreeSet<String>> = vec![BTreeSet::new(); source.series.len()];
+    let mut wait = SHORTEST_WAIT;
+    loop {
+        let mut round = SourceRound::default();
+        for (place, series) in source.series.iter().enumerate() {
+            let pass = SeriesPass {
+                source: &source,
+                series,
+                cursors: &cursors,
+                delivery: &delivery,
+                rows: &mut rows[place],
+                refusal: None,
+                brought: Brought::default(),
+            };
+            round.count(passed(pass, &mut told[place]).await);
+        }
+        if until == Until::CaughtUp {
+            return round.failures;
+        }
+        let pause = match round.is_away {
+            true => wait.max(round.asked_wait.unwrap_or_default()),
+            false => source.every,
+        };
+        wait = match round.is_away {
+            true => LONGEST_WAIT.min(wait * 2),
+            false => SHORTEST_WAIT,
+        };
+        tokio::time::sleep(pause).await;
+    }
+}
+
+impl SourceRound {
+    fn count(&mut self, passed: Result<(), CollectError>) {
+        let Err(error) = passed else {
+            return;
+        };
+        self.failures += 1;
+        self.is_away |= !error.is_refusal();
+        if let CollectError::ServerAway { after, .. } = error {
+            self.asked_wait = self.asked_wait.max(after);
+        }
+    }
+}
+
+/// Passes over a series, and writes into the log what came of it.
+async fn passed(mut pass: SeriesPass<'_>, told: &mut BTreeSet<String>) -> Result<(), CollectError> {
+    let passed = pass.run().await;
+    tell(&pass, told, passed.as_ref().err());
+    passed
+}
+
+/// Writes into the log what a pass brought, what of it the server remarks for the first time, and why it ended early.
+fn tell(pass: &SeriesPass, told: &mut BTreeSet<String>, error: Option<&CollectError>) {
+    let (source, stream) = (&pass.source.name, &pass.series.stream);
+    let series = pass.series.label();
+    let Brought { rows, stored } = &pass.brought;
+    let (added, changed) = (stored.added, stored.changed);
+    if added + changed > 0 {
+        tracing::info!(
+            source,
+            series,
+            stream,
+            rows,
+            added,
+            changed,
+            "samples were brought"
+        );
+    }
+    for (key, remark) in &stored.remarks {
+        // What is remarked on every page is told once.
+        if told.insert(key.clone()) {
+            tracing::warn!(
+                source,
+                series,
+                stream,
+                remark,
+                "the server remarks on how it read the samples"
+            );
+        }
+    }
+    if let Some(error) = error {
+        tracing::warn!(source, series, stream, %error, "the pass ended early; it begins again where it ended");
+    }
+}
