@@ -23,7 +23,7 @@ pub struct CollectArguments {
     /// Bring what there is up to now, and end
     #[arg(long, conflicts_with = "check")]
     once: bool,
-    /// What is logged, e.g. `info` or `greybox=debug`
+    /// The filter of the log, e.g. `info` or `greybox=debug`
     #[arg(long, default_value = "info", env = "GREYBOX_LOG")]
     log: String,
 }

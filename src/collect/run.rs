@@ -132,7 +132,7 @@ fn tell(pass: &SeriesPass, told: &mut BTreeSet<String>, error: Option<&CollectEr
         );
     }
     for (key, remark) in &stored.remarks {
-        // What is remarked on every page is told once.
+        // A remark that comes with every page is told once.
         if told.insert(key.clone()) {
             tracing::warn!(
                 source,

@@ -30,7 +30,7 @@ pub(super) async fn rows(
         let field = name(&column.field);
         let field = match &*type_of(place)? {
             "boolean" => format!("{field}::int"),
-            // What is infinite is no sample.
+            // An infinite value is no sample.
             "real" | "double precision" => {
                 format!("CASE WHEN {field} NOT IN ('Infinity', '-Infinity') THEN {field} END")
             }

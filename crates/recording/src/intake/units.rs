@@ -191,7 +191,7 @@ fn of_any_case(text: &str) -> Option<&'static UnitRow> {
     rows.next().is_none().then_some(first)
 }
 
-/// What is said of a unit whose dimension no unit of the table has.
+/// The remark on a unit whose dimension no unit of the table has.
 const PRODUCT: &str =
     "no unit that is usual has this dimension: the text was read as a product of units";
 
