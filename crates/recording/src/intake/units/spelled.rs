@@ -15,8 +15,7 @@ pub(super) fn torque(text: &str) -> Option<f64> {
     }
 }
 
-/// A quotient with brackets around all that it is divided by: `W/mK` and `W/m·K` are `W/(m·K)`, as plants mean
-/// them, and blanks around a `/` say nothing. None where a blank leaves open what belongs to the divisor.
+/// A quotient as plants mean it: `W/mK` and `W/m·K` are `W/(m·K)`, and blanks around a `/` say nothing. None where a blank leaves open what belongs to the divisor.
 fn one_divisor(text: &str) -> Option<String> {
     let parts: Vec<&str> = text.trim().split('/').map(str::trim).collect();
     let [dividend, divisor] = parts[..] else {
@@ -28,14 +27,10 @@ fn one_divisor(text: &str) -> Option<String> {
     if divisor.contains(' ') {
         return None;
     }
-    let of_kelvin = divisor
-        .strip_suffix('K')
-        .filter(|before| ["m", "m2", "m²", "m^2", "kg", "g"].contains(before));
-    if let Some(before) = of_kelvin {
-        return Some(format!("{dividend}/({before}·K)"));
-    }
-    match divisor.contains(['·', '⋅', '*']) {
-        true => Some(format!("{dividend}/({divisor})")),
+    let before = divisor.strip_suffix('K').unwrap_or_default();
+    let before = before.trim_end_matches(['·', '⋅', '*']);
+    match ["m", "m2", "m²", "m^2", "kg", "g"].contains(&before) {
+        true => Some(format!("{dividend}/({before}·K)")),
         false => Some(parts.join("/")),
     }
 }
