@@ -167,11 +167,17 @@ mod tests {
     #[test]
     fn files_of_one_instant_are_told_apart() {
         let folder = tempfile::tempdir().unwrap();
-        for name in ["b.csv", "a.csv", "c.txt"] {
-            std::fs::write(folder.path().join(name), "x").unwrap();
-        }
+        let [first, second] = ["a.csv", "b.csv"].map(|name| folder.path().join(name));
+        std::fs::write(&second, "x").unwrap();
+        // Two links to one file have one instant.
+        std::fs::hard_link(second, first).unwrap();
+        std::fs::write(folder.path().join("c.txt"), "x").unwrap();
         let files = files(folder.path(), "*.csv").unwrap();
-        assert_eq!(files.len(), 2);
-        assert!(files[0].changed < files[1].changed);
+        let [first, second] = &files[..] else {
+            panic!("{} files", files.len());
+        };
+        assert_eq!([&*first.name, &*second.name], ["a.csv", "b.csv"]);
+        let apart = second.changed.duration_since(first.changed);
+        assert_eq!(apart, SignedDuration::from_nanos(1));
     }
 }
