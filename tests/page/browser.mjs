@@ -36,6 +36,7 @@ export async function launch() {
 // Opens a page that records its errors and its requests to other hosts in `faults`.
 export async function open(address, { width, height, scheme } = SIZES[0]) {
   const page = await browser.newPage();
+  page.setDefaultTimeout(PATIENCE.timeout);
   page.faults = [];
   await page.setViewport({ width, height });
   await page.emulateMediaFeatures([{ name: "prefers-color-scheme", value: scheme }]);
@@ -59,6 +60,14 @@ export const says = (page, words) =>
 export async function press(page, words) {
   const selector = `::-p-xpath(//*[self::a or self::button or self::summary][contains(., '${words}')])`;
   await (await page.waitForSelector(selector, { ...PATIENCE, visible: true })).click();
+}
+
+// Types into a field as a person does, and leaves it. A form draws its fields anew where the server has answered: a
+// locator looks for the field again.
+export async function fill(page, field, words) {
+  await page.locator(field).click({ count: 3 });
+  await page.keyboard.type(words);
+  await page.keyboard.press("Tab");
 }
 
 // Waits for the field whose label has the words.

@@ -11,6 +11,7 @@ import path from "node:path";
 import { after, before, test } from "node:test";
 import {
   faultsOf,
+  fill,
   launch,
   open,
   PATIENCE,
@@ -439,11 +440,7 @@ test("a design as a job shows what to play and what it would bring", { skip }, a
 test("conditions and an earlier job's estimate are said without JSON", { skip }, async () => {
   const page = await open(`/#/new?dataset=${shared.dataset}&model=positioning_drive`);
   const spec = () => specification(page);
-  const type = async (hint, words) => {
-    await page.waitForSelector(`input[placeholder^="${hint}"]`, PATIENCE);
-    await page.type(`input[placeholder^="${hint}"]`, words);
-    await page.keyboard.press("Tab");
-  };
+  const type = (hint, words) => fill(page, `input[placeholder^="${hint}"]`, words);
   await type("tau1", "mass > 60; mass < 150");
   assert.deepEqual((await spec()).constraints, ["mass > 60", "mass < 150"]);
   await type("job_", shared.jobs[0]);
@@ -451,7 +448,7 @@ test("conditions and an earlier job's estimate are said without JSON", { skip },
   const [prior] = (await spec()).priors;
   assert.ok(prior.parameters.includes("mass") && prior.mean.length === prior.std.length);
   assert.equal(prior.correlation.length, prior.parameters.length);
-  await (await page.waitForSelector("::-p-text(Forget)", PATIENCE)).click();
+  await page.locator("::-p-text(Forget)").click();
   await page.waitForSelector('input[placeholder^="job_"]', PATIENCE);
   assert.equal((await spec()).priors, undefined);
   assert.deepEqual(page.faults, []);

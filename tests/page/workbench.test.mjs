@@ -9,7 +9,18 @@ import fs from "node:fs";
 import os from "node:os";
 import path from "node:path";
 import { after, before, test } from "node:test";
-import { launch, open, PATIENCE, picture, SIZES, says, specification, text, tools } from "./browser.mjs";
+import {
+  fill,
+  launch,
+  open,
+  PATIENCE,
+  picture,
+  SIZES,
+  says,
+  specification,
+  text,
+  tools,
+} from "./browser.mjs";
 import { base, ended, JOB, post, recording } from "./server.mjs";
 
 const skip = base && tools ? false : "GREYBOX_URL and PAGE_TOOLS are not set";
@@ -38,14 +49,7 @@ async function finished(job) {
   return id;
 }
 
-// Types into a field as a person does, and leaves it.
-async function fill(page, label, words) {
-  const field = `input[aria-label='${label}']`;
-  // The form draws its fields anew where the server has answered: a locator looks for the field again.
-  await page.locator(field).setTimeout(PATIENCE.timeout).click({ count: 3 });
-  await page.keyboard.type(words);
-  await page.keyboard.press("Tab");
-}
+const fillLabelled = (page, label, words) => fill(page, `input[aria-label='${label}']`, words);
 
 const said = (page, path, value) =>
   page.waitForFunction(
@@ -70,11 +74,11 @@ test("what is known of a measurement is said in the form, and the job is what th
     "25",
   );
   await page.waitForSelector(".experiment .legend .swatch.held", PATIENCE);
-  await fill(page, "position, noise", "0,00002");
+  await fillLabelled(page, "position, noise", "0,00002");
   await said(page, ["outputs", "position", "noise_std"], 2e-5);
-  await fill(page, "position, gain of the sensor", "0.1 %");
+  await fillLabelled(page, "position, gain of the sensor", "0.1 %");
   await said(page, ["outputs", "position", "gain_tolerance"], "0.1 %");
-  await fill(page, "position, lag of the sensor", "1e-5");
+  await fillLabelled(page, "position, lag of the sensor", "1e-5");
   await said(page, ["outputs", "position", "lag_tolerance_s"], 1e-5);
   await page.select("::-p-xpath(//label[contains(., 'What moved the plant')]/select)", "none");
   await said(page, ["process_noise"], "none");
@@ -112,7 +116,7 @@ test("a stretch is left out by dragging, and used again by a click", { skip }, a
   await page.mouse.up();
   const { from_s: from, to_s: to } = (await specification(page)).experiments[0].exclude.spans[0];
   assert.ok(Math.abs(from - 3) < 0.1 && Math.abs(to - 3.6) < 0.1, `${from} to ${to}`);
-  await (await page.waitForSelector("button[aria-label^='use '][aria-label$=' again']", PATIENCE)).click();
+  await page.locator("button[aria-label^='use '][aria-label$=' again']").click();
   await said(page, ["experiments", 0, "exclude"], undefined);
   assert.deepEqual(page.faults, []);
   await page.close();
