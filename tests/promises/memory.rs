@@ -17,7 +17,7 @@ use super::plant;
 use super::server::{Options, Server, answer};
 
 /// Damaged bodies beside the whole ones, where `GREYBOX_TESTS_BODIES` does not say how many.
-const DAMAGED_BODIES: usize = 20;
+const DAMAGED_BODIES: usize = 8;
 
 /// What became of a body.
 struct Told {

@@ -9,7 +9,7 @@
 //! | `ignition` (8 and later) | 0 and 192 to 255, the low 16 bits | top bits 01 | top bits 10 |
 //! | `ignition_legacy` (stored history) | 192 | 64 to 127 | all others |
 //! | `cognite` | 0 | top bits 01 | top bits 10 |
-//! | `words` | good, ok, true | uncertain, questionable, doubtful | bad, false |
+//! | `words` | good …, ok, true | uncertain …, questionable, doubtful | bad …, not good, invalid, false |
 //!
 //! A 0 is bad in one and good in another: where the format does not settle the scheme it is asked
 //! for, never guessed.
@@ -126,27 +126,39 @@ pub(super) fn may_rate(field: &str) -> bool {
     word(field).is_some() || field.trim().parse().is_ok_and(is_code)
 }
 
-/// A code that is written as a number, or in hexadecimal digits behind its name, as Telegraf writes those of OPC UA:
-/// `OK (0x0)`.
+/// A code that is written as a number, in hexadecimal digits (`0xC0`), or in these behind its name, as Telegraf writes
+/// those of OPC UA: `OK (0x0)`.
 fn code_in(text: &str) -> Option<i64> {
     let named = text
         .strip_suffix(')')
         .and_then(|text| text.rsplit_once("(0x"));
-    match named {
-        Some((_, digits)) => i64::from_str_radix(digits, 16).ok(),
+    let digits = named.map_or_else(|| text.strip_prefix("0x"), |(_, digits)| Some(digits));
+    match digits {
+        Some(digits) => i64::from_str_radix(digits, 16).ok(),
         None => text.parse().ok(),
     }
 }
 
-/// Words mean the same wherever they stand.
+/// Words mean the same wherever they stand. Sources say more behind the first of them: `Bad, Not Connected`,
+/// `Bad [Comm Failure]`, `GoodClamped`.
 fn word(text: &str) -> Option<Class> {
-    match text.trim().to_ascii_lowercase().as_str() {
-        "" | "good" | "ok" | "true" => Some(Class::Good),
-        "uncertain" | "questionable" | "doubtful" => Some(Class::Uncertain),
-        "substituted" => Some(Class::Substituted),
-        "bad" | "false" | "bad_stale" | "error" => Some(Class::Bad),
-        _ => None,
-    }
+    let text = text.trim().to_ascii_lowercase();
+    let class = match text.as_str() {
+        "" | "ok" | "true" => Class::Good,
+        "questionable" | "doubtful" => Class::Uncertain,
+        "substituted" => Class::Substituted,
+        "false" | "error" | "invalid" | "failed" => Class::Bad,
+        text if text.starts_with("good") => Class::Good,
+        text if text.starts_with("uncertain") => Class::Uncertain,
+        text if ["bad", "not good", "no good"]
+            .iter()
+            .any(|bad| text.starts_with(bad)) =>
+        {
+            Class::Bad
+        }
+        _ => return None,
+    };
+    Some(class)
 }
 
 #[cfg(test)]
@@ -188,5 +200,19 @@ mod tests {
         assert_eq!(Scheme::OpcUa.class(&Cell::Text("OK (0x0)")), Some(Good));
         assert_eq!(Scheme::Words.class(&Cell::Integer(0)), None);
         assert_eq!(Scheme::OpcDa.class(&Cell::Text("x")), None);
+        for (text, class) in [
+            ("Bad, Not Connected", Bad),
+            ("Not Good", Bad),
+            ("0x0", Bad),
+            ("0xC0", Good),
+            ("GoodClamped", Good),
+            ("Uncertain [Sub-Normal]", Uncertain),
+        ] {
+            assert_eq!(
+                Scheme::OpcDa.class(&Cell::Text(text)),
+                Some(class),
+                "{text}"
+            );
+        }
     }
 }

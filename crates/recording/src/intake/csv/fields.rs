@@ -45,6 +45,15 @@ pub(super) fn is_data(field: &str) -> bool {
         || value::with_unit(field).is_some_and(|(number, _)| is_data(number))
 }
 
+/// Whether each field is a number that is larger by 1 than the one before.
+pub(super) fn count_up<'f>(fields: impl Iterator<Item = Option<&'f String>>) -> bool {
+    let numbers = fields.map(|field| value::number(field?, None));
+    let numbers: Option<Vec<f64>> = numbers.collect();
+    numbers.is_some_and(|numbers| {
+        numbers.len() > 1 && numbers.windows(2).all(|pair| pair[1] - pair[0] == 1.0)
+    })
+}
+
 /// The line at which a row begins.
 pub(super) fn line_of(record: &ByteRecord) -> u64 {
     record.position().map_or(1, Position::line)

@@ -32,17 +32,24 @@ impl Header {
     /// # Errors
     /// When the rows cannot be understood without it: it is not UTF-8, has no names, no signals or
     /// too many, or lacks the time column.
-    pub(super) fn parse(record: &ByteRecord, options: &Options) -> Result<Self, ReadError> {
+    pub(super) fn parse(
+        record: &ByteRecord,
+        likely_time: usize,
+        options: &Options,
+    ) -> Result<Self, ReadError> {
         let line = line_of(record);
         let mut titles = texts(record)?;
         while titles.last().is_some_and(|title| title.is_empty()) {
             titles.pop();
         }
         let mut faults = ReadingFaults::default();
-        let time = time_column(&titles, options.time.as_deref());
+        let time = match options.time.as_deref() {
+            Some(wanted) => time_column(&titles, wanted),
+            None => Some(likely_time.min(titles.len().saturating_sub(1))),
+        };
         if titles.len() < 2 {
             let detail = "a time column and at least one signal column are needed, separated by \
-                          comma, semicolon or tab";
+                          comma, semicolon, tab, `|` or blanks";
             faults.malformed(at_line(line, None, "no_signals", detail));
         } else if titles.len() > MAX_SIGNALS + 1 {
             let detail = format!("{} columns; at most {MAX_SIGNALS} are read", titles.len());
@@ -78,11 +85,8 @@ impl Header {
     }
 }
 
-/// The column with that title, or the first.
-pub(super) fn time_column(titles: &[&str], wanted: Option<&str>) -> Option<usize> {
-    let Some(wanted) = wanted else {
-        return Some(0);
-    };
+/// The column with that title.
+pub(super) fn time_column(titles: &[&str], wanted: &str) -> Option<usize> {
     titles
         .iter()
         .position(|title| *title == wanted || time_name_and_unit(title).0 == wanted)

@@ -59,7 +59,10 @@ fn roles(format: Format, sniff: &Sniff, options: &Options) -> Vec<ColumnRole> {
     if let (Format::PairedCsv, Some(paired)) = (format, sniff.paired_columns()) {
         return columns.map(|column| paired.role(column)).collect();
     }
-    let time = time_column(&titles, options.time.as_deref());
+    let time = match options.time.as_deref() {
+        Some(wanted) => time_column(&titles, wanted),
+        None => Some(sniff.time()),
+    };
     let is_ignored = |column: usize| {
         let name = units::name_and_unit(titles[column]).0;
         options.ignore.iter().any(|ignored| ignored == name)

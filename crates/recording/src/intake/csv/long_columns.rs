@@ -5,13 +5,13 @@ use super::super::layout::ColumnRole;
 use super::super::options::{Decimal, Options};
 use super::super::quality::Scheme;
 use super::super::{units, value};
-use super::fields::is_called_time;
+use super::fields::{count_up, is_called_time};
 use crate::Warning;
 use greybox_numerics::parsing::Fault;
 use greybox_numerics::parsing::reader::did_you_mean;
 use std::collections::HashSet;
 
-const TIMES: [&str; 8] = [
+const TIMES: [&str; 10] = [
     "timestring",
     "timestamp",
     "datetime",
@@ -20,8 +20,10 @@ const TIMES: [&str; 8] = [
     "ts",
     "date",
     "sourcetimestamp",
+    "lastchanged",
+    "lastupdated",
 ];
-const TAGS: [&str; 21] = [
+const TAGS: [&str; 25] = [
     "tag",
     "tagname",
     "tagpath",
@@ -43,8 +45,12 @@ const TAGS: [&str; 21] = [
     "messstelle",
     "messpunkt",
     "kanal",
+    "topic",
+    "entityid",
+    "sensorid",
+    "varname",
 ];
-const VALUES: [&str; 12] = [
+const VALUES: [&str; 15] = [
     "value",
     "val",
     "v",
@@ -57,6 +63,9 @@ const VALUES: [&str; 12] = [
     "average",
     "mean",
     "data",
+    "payload",
+    "state",
+    "varvalue",
 ];
 const QUALITIES: [(&str, Option<Scheme>); 22] = [
     ("opcquality", Some(Scheme::OpcDa)),
@@ -135,11 +144,11 @@ impl LongColumns {
 
     /// The columns by what stands in them, below any titles: a column of words that repeat beside times that repeat,
     /// and a column of numbers. None where the rows are no such list, or several columns have numbers.
-    pub(super) fn guessed(rows: &[Vec<String>]) -> Option<Self> {
-        let tag = Self::mixed_column(rows)?;
-        let numbers = numbers(rows, &[0, tag]);
+    pub(super) fn guessed(rows: &[Vec<String>], time: usize) -> Option<Self> {
+        let tag = Self::mixed_column(rows, time)?;
+        let numbers = numbers(rows, &[time, tag]);
         (numbers.len() == 1).then_some(Self {
-            time: 0,
+            time,
             tag,
             values: numbers,
             quality: None,
@@ -147,11 +156,11 @@ impl LongColumns {
         })
     }
 
-    /// The column of words that tells apart rows of one time, where the times of the first column repeat.
-    pub(super) fn mixed_column(rows: &[Vec<String>]) -> Option<usize> {
+    /// The column of words that tells apart rows of one time, where the times of a column repeat.
+    pub(super) fn mixed_column(rows: &[Vec<String>], time: usize) -> Option<usize> {
         let width = rows.iter().map(Vec::len).max().unwrap_or(0);
         let field = |row: &Vec<String>, column: usize| row.get(column).cloned().unwrap_or_default();
-        let times: HashSet<String> = rows.iter().map(|row| field(row, 0)).collect();
+        let times: HashSet<String> = rows.iter().map(|row| field(row, time)).collect();
         let is_word = |text: &str| {
             text.chars().any(char::is_alphabetic) && value::number(text, None).is_none()
         };
@@ -161,13 +170,14 @@ impl LongColumns {
             let different: HashSet<&String> = words.iter().collect();
             let pairs = rows.iter().zip(&words);
             let pairs: HashSet<(String, &String)> =
-                pairs.map(|(row, word)| (field(row, 0), word)).collect();
+                pairs.map(|(row, word)| (field(row, time), word)).collect();
             words.iter().all(|word| is_word(word))
                 && (2..=words.len() / 2).contains(&different.len())
                 && pairs.len() == rows.len()
         };
         let repeat = times.len() < rows.len();
-        (1..width).find(tells_apart).filter(|_| repeat)
+        let mut columns = (0..width).filter(|column| *column != time);
+        columns.find(tells_apart).filter(|_| repeat)
     }
 
     /// The columns that options name; the others by their titles, or by what stands in the first rows. None where
@@ -175,9 +185,10 @@ impl LongColumns {
     pub(super) fn chosen(
         titles: &[&str],
         rows: &[Vec<String>],
+        likely_time: usize,
         options: &Options,
     ) -> Result<Option<Self>, ReadError> {
-        let told = Self::of(titles).or_else(|| Self::guessed(rows));
+        let told = Self::of(titles).or_else(|| Self::guessed(rows, likely_time));
         let table = &options.table;
         if told.is_none() && !table.has_signals_in_rows() {
             return Ok(None);
@@ -189,7 +200,7 @@ impl LongColumns {
         let tag = tag.ok_or_else(|| missing("tag", "names the signal of a row"))?;
         let by_title = || {
             let called = (0..titles.len()).find(|column| is_called_time(titles[*column]));
-            plain.column(&TIMES).or(called).unwrap_or(0)
+            plain.column(&TIMES).or(called).unwrap_or(likely_time)
         };
         let time = named(titles, "time", options.time.as_deref())?
             .or(told.as_ref().map(|told| told.time))
@@ -282,7 +293,9 @@ fn numbers(rows: &[Vec<String>], apart: &[usize]) -> Vec<usize> {
         let mut all = filled.iter();
         !filled.is_empty() && all.all(|field| is_read(field))
     };
-    let columns = (0..width).filter(|column| !apart.contains(column));
+    // The first column of an export of a database often numbers its rows.
+    let is_count = |column: usize| column == 0 && count_up(rows.iter().map(|row| row.first()));
+    let columns = (0..width).filter(|column| !apart.contains(column) && !is_count(*column));
     columns.filter(is_number).collect()
 }
 

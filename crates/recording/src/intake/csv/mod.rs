@@ -1,15 +1,16 @@
 //! Recordings from CSV, in one pass over the text.
 //!
 //! A header row names the columns and their units: `time [s],reference [m],position [mm]`. One
-//! column, the first unless [`Options::time`] names another, is the time (`clock`). An
-//! empty field and `NaN` are missing samples. Comma, semicolon or tab is told from the header; empty
-//! rows and empty fields at the ends of lines are understood. Lines above the titles, a row of units, a time in
+//! column, the first unless [`Options::time`] names another or another one alone looks so, is the time (`clock`). An
+//! empty field and `NaN` are missing samples. Comma, semicolon, tab, `|` or blanks are told from the
+//! first rows; empty rows and empty fields at the ends of lines are understood. Lines above the titles, a row of units, a time in
 //! several columns and titles that come again are put right first (`shape`), for every kind of table.
 //!
 //! Of a text with a column for each signal (`table`) memory holds the values (eight bytes each)
 //! or, where there is a scratch, a few MiB of them; never the text. Those with a row for each sample
 //! (`long`), with times or qualities beside each signal (`paired`), of Simulink (`simulink`) and of InfluxDB (`influx`) are held as tags.
 
+mod below;
 mod fields;
 mod header;
 mod influx;
@@ -130,15 +131,24 @@ fn wide(
     let mut rows = text.whole;
     let mut record = ByteRecord::new();
     read_row(&mut rows, &mut record)?;
-    let header = Header::parse(&record, options)?;
+    let header = Header::parse(&record, sniff.time(), options)?;
     let times = sniff.column(text.head, header.time);
     let are_repeated = sniff.are_repeated(header.time);
+    let time_column = (header.time > 0 && options.time.is_none()).then(|| {
+        let detail = format!(
+            "`{}` was taken for the time, which the first column is not; `time` says otherwise",
+            header.names[header.time]
+        );
+        Warning::of_recording("time_column", detail)
+    });
     let mut table = CsvTable::new(header, options, scratch);
     table.look_ahead(&times, are_repeated);
     while !table.is_full() && read_row(&mut rows, &mut record)? {
         table.push(&record).map_err(ReadError::Scratch)?;
     }
-    table.into_received()
+    let mut received = table.into_received()?;
+    received.header.notes.splice(0..0, time_column);
+    Ok(received)
 }
 
 #[cfg(test)]

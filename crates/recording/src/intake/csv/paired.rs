@@ -47,8 +47,8 @@ pub(super) struct PairedColumns(Vec<SeriesColumns>);
 
 impl PairedColumns {
     /// What the titles say, with the first rows below them; none where the signals share one time and have no
-    /// quality.
-    pub(super) fn of(titles: &[&str], rows: &[Vec<String>]) -> Option<PairedColumns> {
+    /// quality. The time of signals that share one stands in the column `time`.
+    pub(super) fn of(titles: &[&str], rows: &[Vec<String>], time: usize) -> Option<PairedColumns> {
         let is_time = |column: usize| is_called_time(titles[column]) && runs(rows, column);
         let times: Vec<usize> = (0..titles.len())
             .filter(|column| is_time(*column))
@@ -61,15 +61,21 @@ impl PairedColumns {
             && last + 1 < titles.len();
         let times = match are_paired {
             true => times,
-            false => vec![0],
+            false => vec![time],
         };
         let names: Vec<&str> = titles
             .iter()
             .map(|title| units::name_and_unit(title).0)
             .collect();
+        // A title that stands behind each signal says nothing but what the column is.
+        let is_again = |title: &str| titles.iter().filter(|again| **again == title).count() > 1;
         let rated = |column: usize| {
             let title = titles[column];
-            rated_by(title).or_else(|| rated_by_letter(title, rows, column))
+            let beside = column.checked_sub(1).map(|before| names[before]);
+            rated_by(title)
+                .or_else(|| rated_by_letter(title, rows, column))
+                .or_else(|| beside.filter(|_| is_again(title) && is_quality_title(title)))
+                .or_else(|| beside.filter(|_| title.is_empty() && are_ratings(rows, column)))
         };
         let quality_of = |name: &str| {
             let mut columns = 0..titles.len();
@@ -84,7 +90,7 @@ impl PairedColumns {
                     .iter()
                     .rfind(|time| **time < value)
                     .copied()
-                    .unwrap_or(0),
+                    .unwrap_or(time),
                 value,
                 quality: quality_of(names[value]),
             })
@@ -110,9 +116,20 @@ impl PairedColumns {
     }
 }
 
+fn is_quality_title(title: &str) -> bool {
+    QUALITIES.contains(&title.trim().to_lowercase().as_str())
+}
+
+/// Whether a column has nothing but codes or words of quality.
+fn are_ratings(rows: &[Vec<String>], column: usize) -> bool {
+    let fields = rows.iter().filter_map(|row| row.get(column));
+    let mut fields = fields.filter(|field| !field.is_empty()).peekable();
+    fields.peek().is_some() && fields.all(|field| may_rate(field))
+}
+
 /// The name of the signal whose quality a column holds, by its title.
 fn rated_by(title: &str) -> Option<&str> {
-    let is_quality = |word: &str| QUALITIES.contains(&word.trim().to_lowercase().as_str());
+    let is_quality = is_quality_title;
     if let Some((before, behind)) = title
         .strip_suffix(')')
         .and_then(|title| title.split_once('('))
@@ -131,10 +148,8 @@ fn rated_by(title: &str) -> Option<&str> {
 fn rated_by_letter<'t>(title: &'t str, rows: &[Vec<String>], column: usize) -> Option<&'t str> {
     const LETTERS: [&str; 5] = ["q", "qf", "qc", "flag", "flags"];
     let (name, word) = title.rsplit_once(['.', ' ', '_', ':', '/'])?;
-    let fields = rows.iter().filter_map(|row| row.get(column));
-    let mut fields = fields.filter(|field| !field.is_empty()).peekable();
-    let are_codes = fields.peek().is_some() && fields.all(|field| may_rate(field));
-    (are_codes && LETTERS.contains(&word.to_lowercase().as_str())).then(|| name.trim())
+    let is_letter = LETTERS.contains(&word.to_lowercase().as_str());
+    (is_letter && are_ratings(rows, column)).then(|| name.trim())
 }
 
 /// Whether a column holds timestamps, or numbers that rise.

@@ -56,7 +56,7 @@ impl<R: Read> Read for BoundedRows<R> {
 
 /// The rows of a table, from its titles on.
 pub(super) struct TableRows<'s, R> {
-    rows: Reader<BoundedRows<R>>,
+    rows: TextRows<R>,
     shape: &'s Shape,
     has_begun: bool,
     repeated: Rc<Cell<usize>>,
@@ -65,7 +65,7 @@ pub(super) struct TableRows<'s, R> {
 impl<'s, R: Read> TableRows<'s, R> {
     pub(super) fn of(text: R, delimiter: u8, shape: &'s Shape) -> Self {
         Self {
-            rows: rows_of(text, delimiter),
+            rows: TextRows::of(text, delimiter),
             shape,
             has_begun: false,
             repeated: Rc::default(),
@@ -82,7 +82,7 @@ impl<'s, R: Read> TableRows<'s, R> {
         self.has_begun = true;
         let mut is_one = true;
         for _ in 0..self.shape.rows_above() {
-            is_one &= read_text_row(&mut self.rows, record)?;
+            is_one &= self.rows.read(record)?;
         }
         *record = self.shape.table_titles();
         Ok(is_one)
@@ -90,12 +90,47 @@ impl<'s, R: Read> TableRows<'s, R> {
 }
 
 /// The rows of a text, whatever they are.
-pub(super) fn rows_of<R: Read>(text: R, delimiter: u8) -> Reader<BoundedRows<R>> {
-    ReaderBuilder::new()
-        .delimiter(delimiter)
-        .flexible(true)
-        .has_headers(false)
-        .from_reader(BoundedRows::of(text))
+pub(super) struct TextRows<R> {
+    rows: Reader<BoundedRows<R>>,
+    /// Any number of blanks stand between two fields.
+    are_of_blanks: bool,
+}
+
+impl<R: Read> TextRows<R> {
+    pub(super) fn of(text: R, delimiter: u8) -> Self {
+        let rows = ReaderBuilder::new()
+            .delimiter(delimiter)
+            .flexible(true)
+            .has_headers(false)
+            .from_reader(BoundedRows::of(text));
+        Self {
+            rows,
+            are_of_blanks: delimiter == b' ',
+        }
+    }
+
+    /// The next row; false at the end.
+    pub(super) fn read(&mut self, record: &mut ByteRecord) -> Result<bool, ReadError> {
+        self.rows.get_mut().begin();
+        let is_one = self.rows.read_byte_record(record).map_err(from_csv)?;
+        // The reader counts from where it began to look, which may be empty lines before the row.
+        if let Some(mut position) = record.position().cloned() {
+            let within = record
+                .as_slice()
+                .iter()
+                .filter(|byte| **byte == b'\n')
+                .count();
+            let end = self.rows.position().line();
+            position.set_line(end.saturating_sub(1 + within as u64).max(position.line()));
+            record.set_position(Some(position));
+        }
+        if self.are_of_blanks {
+            let position = record.position().cloned();
+            *record = record.iter().filter(|field| !field.is_empty()).collect();
+            record.set_position(position);
+        }
+        Ok(is_one)
+    }
 }
 
 /// The next row of a table, first that of its titles; false at the end.
@@ -106,7 +141,7 @@ pub(super) fn read_row(
     if !rows.has_begun {
         return rows.titles(record);
     }
-    while read_text_row(&mut rows.rows, record)? {
+    while rows.rows.read(record)? {
         if !rows.shape.repeats_top(record) || is_empty(record) {
             rows.shape.fit(record);
             return Ok(true);
@@ -114,27 +149,6 @@ pub(super) fn read_row(
         rows.repeated.set(rows.repeated.get() + 1);
     }
     Ok(false)
-}
-
-/// The next row of a text; false at the end.
-pub(super) fn read_text_row(
-    rows: &mut Reader<BoundedRows<impl Read>>,
-    record: &mut ByteRecord,
-) -> Result<bool, ReadError> {
-    rows.get_mut().begin();
-    let is_one = rows.read_byte_record(record).map_err(from_csv)?;
-    // The reader counts from where it began to look, which may be empty lines before the row.
-    if let Some(mut position) = record.position().cloned() {
-        let within = record
-            .as_slice()
-            .iter()
-            .filter(|byte| **byte == b'\n')
-            .count();
-        let end = rows.position().line();
-        position.set_line(end.saturating_sub(1 + within as u64).max(position.line()));
-        record.set_position(Some(position));
-    }
-    Ok(is_one)
 }
 
 fn from_csv(error: Error) -> ReadError {
@@ -145,7 +159,8 @@ fn from_csv(error: Error) -> ReadError {
     }
 }
 
-/// Whether a row has nothing in it.
+/// Whether a row has nothing in it. A file that was not closed may end with bytes of 0.
 pub(super) fn is_empty(record: &ByteRecord) -> bool {
-    record.iter().all(|field| field.trim_ascii().is_empty())
+    let is_nothing = |byte: &u8| byte.is_ascii_whitespace() || *byte == 0;
+    record.as_slice().iter().all(is_nothing)
 }

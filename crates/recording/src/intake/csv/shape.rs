@@ -3,8 +3,8 @@
 
 use super::super::error::{at_line, excerpt};
 use super::super::table_options::TableOptions;
-use super::super::{stamp, units, value};
-use super::fields::{is_called_time, line_of};
+use super::super::{stamp, units};
+use super::fields::{count_up, is_called_time, line_of};
 use super::split_time::SplitTime;
 use super::top_rows::{NamedRows, Titles, TopRows, fields_of, unit_of};
 use crate::Warning;
@@ -12,7 +12,7 @@ use ::csv::ByteRecord;
 use greybox_numerics::parsing::Fault;
 
 /// Titles of columns that number the rows, in small letters.
-const NUMBERING: [&str; 9] = [
+const NUMBERING: [&str; 14] = [
     "",
     "unnamed: 0",
     "#",
@@ -20,8 +20,13 @@ const NUMBERING: [&str; 9] = [
     "no.",
     "nr",
     "nr.",
+    "number",
     "index",
     "row",
+    "record",
+    "scan",
+    "sample",
+    "id",
 ];
 
 /// How the rows of a text become those of a table with one row of titles.
@@ -39,6 +44,10 @@ pub(super) struct Shape {
     time: Option<SplitTime>,
     /// How many columns hold numbers or times; none where the rows describe themselves.
     columns: usize,
+    /// Titles behind the last column that has fields.
+    surplus: Vec<String>,
+    /// Whether all rows of data have as many fields as the titles.
+    is_even: bool,
     /// The rows that may all be the titles, by their lines.
     rivals: Vec<u64>,
     /// An option that names a line on which no row of the beginning stands.
@@ -73,16 +82,26 @@ impl Shape {
         let end = header.max(units).map_or(0, |last| last + 1);
         let first = top.first_data(end);
         // What stands below the titles and is no row of units is a row of the table, right or wrong.
-        let mut below_titles = (end..first).filter(|k| header.is_some() && !top.is_comment(*k));
+        let mut below_titles = (end..first).filter(|k| header.is_some() && top.has_data(*k));
         let end = below_titles.next().unwrap_or(first);
         let below = top.rows.get(end..)?;
         let width = below.iter().map(Vec::len).max().unwrap_or(0);
+        let mut top_rows = records[..end].to_vec();
+        let mut surplus = Vec::new();
+        let lengths = || records[end..].iter().map(ByteRecord::len);
+        if let Some(header) = header {
+            let fitted = fitted_titles(&top_rows[header], below, lengths());
+            surplus = fitted.surplus;
+            top_rows[header] = fitted.titles;
+        }
         let titles = match header {
-            Some(header) => top.rows[header].clone(),
+            Some(header) => fields_of(&top_rows[header]),
             None => numbered_titles(width),
         };
         Some(Shape {
-            top: records[..end].to_vec(),
+            is_even: lengths().all(|length| length == titles.len()),
+            surplus,
+            top: top_rows,
             header,
             width,
             units,
@@ -97,6 +116,11 @@ impl Shape {
     /// How many columns hold numbers or times.
     pub(super) fn columns(&self) -> usize {
         self.columns
+    }
+
+    /// Whether all rows of data have as many fields as the titles.
+    pub(super) fn is_even(&self) -> bool {
+        self.is_even
     }
 
     /// How many rows of the text stand above the first of the data.
@@ -144,7 +168,7 @@ impl Shape {
                 _ => title.trim(),
             };
             match self.unit(k) {
-                Some(unit) if units::name_and_unit(title).1.is_empty() => {
+                Some(unit) if title_unit(title).is_empty() => {
                     titles.push_field(format!("{title} [{unit}]").as_bytes());
                 }
                 _ => titles.push_field(title.as_bytes()),
@@ -208,7 +232,7 @@ impl Shape {
     pub(super) fn unit(&self, column: usize) -> Option<&str> {
         let field = self.top[self.units?].get(column)?;
         let unit = std::str::from_utf8(field).ok().map(unit_of);
-        unit.filter(|unit| !unit.is_empty())
+        unit.filter(|unit| !unit.is_empty() && !is_called_time(unit))
     }
 
     /// The fault of a text whose titles or units are in doubt.
@@ -230,7 +254,7 @@ impl Shape {
         let line = self.header_line()?;
         let titles = self.titles();
         let differs = |(k, title): (usize, &String)| {
-            let (name, unit) = units::name_and_unit(title);
+            let (name, unit) = (units::name_and_unit(title).0, title_unit(title));
             let below = self.unit(k).filter(|_| !unit.is_empty())?;
             let detail = format!(
                 "the title says `{unit}`, and the row of units `{below}`: say `unit_row=none`, or mend the title"
@@ -277,12 +301,20 @@ impl Shape {
             )
         };
         let numbers = self.numbers_rows.then(numbers).flatten();
+        let surplus = self.surplus.iter().find(|title| !title.is_empty());
+        let surplus = surplus.and_then(|title| {
+            let (count, title) = (self.surplus.len(), excerpt(title));
+            note(
+                "left_out_columns",
+                format!("no row has a field below the last {count} titles, the first `{title}`"),
+            )
+        });
         let titles = self.header.is_none().then(|| {
             let detail =
                 "no line has titles: the columns are called `column_1`, `column_2` and so on";
             note("no_titles", detail.to_owned())
         });
-        [skipped, titles.flatten(), units, time, numbers]
+        [skipped, titles.flatten(), units, surplus, time, numbers]
             .into_iter()
             .flatten()
             .collect()
@@ -294,19 +326,65 @@ fn numbered_titles(columns: usize) -> Vec<String> {
     (1..=columns).map(|k| format!("column_{k}")).collect()
 }
 
+/// The titles of a text, one for each field of its rows.
+struct FittedTitles {
+    titles: ByteRecord,
+    /// The titles that no row has a field for.
+    surplus: Vec<String>,
+}
+
+/// The titles without the sign of a comment before them and without those behind the last field of all rows, with an
+/// empty one for numbers of rows that have none.
+fn fitted_titles(
+    titles: &ByteRecord,
+    below: &[Vec<String>],
+    lengths: impl Iterator<Item = usize> + Clone,
+) -> FittedTitles {
+    let (least, most) = (lengths.clone().min(), lengths.clone().max());
+    let most = most.unwrap_or(titles.len());
+    let is_even = least == Some(most) && lengths.count() > 1;
+    let fields: Vec<&[u8]> = titles.iter().collect();
+    let first = fields.first().map_or(&b""[..], |first| first.trim_ascii());
+    let are_numbered = || count_up(below.iter().map(|row| row.first()));
+    let mut surplus = Vec::new();
+    let kept: Vec<&[u8]> = match fields.len() {
+        length if is_even && length == most + 1 && [&b"#"[..], b"%"].contains(&first) => {
+            fields[1..].to_vec()
+        }
+        length if is_even && length + 1 == most && length > 0 && are_numbered() => {
+            [&[&b""[..]], &fields[..]].concat()
+        }
+        length if length > most && most > 1 => {
+            surplus = fields_of(titles).into_iter().skip(most).collect();
+            fields[..most].to_vec()
+        }
+        _ => fields,
+    };
+    let mut fitted = ByteRecord::from(kept);
+    fitted.set_position(titles.position().cloned());
+    FittedTitles {
+        titles: fitted,
+        surplus,
+    }
+}
+
+/// The unit in a title. A number in parentheses tells columns of one name apart and is no unit.
+fn title_unit(title: &str) -> &str {
+    let (_, unit) = units::name_and_unit(title);
+    match unit.bytes().all(|byte| byte.is_ascii_digit()) {
+        true => "",
+        false => unit,
+    }
+}
+
 /// Whether the first column counts the rows, and the second is a time by its title or by what stands in it.
 fn numbers_rows(titles: &[String], below: &[Vec<String>]) -> bool {
     let is_numbering = |title: &String| NUMBERING.contains(&title.to_lowercase().as_str());
-    let numbers = below.iter().filter(|row| !row.is_empty());
-    let numbers: Option<Vec<f64>> = numbers.map(|row| value::number(&row[0], None)).collect();
+    let filled = below.iter().filter(|row| !row.is_empty());
     let mut second = below.iter().filter_map(|row| row.get(1));
-    let are_stamps = second.all(|field| stamp::is_one(field));
-    let count = |numbers: Vec<f64>| {
-        numbers.len() > 1 && numbers.windows(2).all(|pair| pair[1] - pair[0] == 1.0)
-    };
+    let are_stamps = second.all(|field| stamp::is_one(field) || stamp::is_date(field));
+    let is_time = |title: &String| is_called_time(title) || are_stamps;
     titles.first().is_some_and(is_numbering)
-        && titles
-            .get(1)
-            .is_some_and(|title| is_called_time(title) || are_stamps)
-        && numbers.is_some_and(count)
+        && titles.get(1).is_some_and(is_time)
+        && count_up(filled.map(|row| row.first()))
 }

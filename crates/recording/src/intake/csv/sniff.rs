@@ -4,12 +4,16 @@ use super::super::error::ReadError;
 use super::super::format::HEAD_BYTES;
 use super::super::options::{Decimal, Options};
 use super::super::table_options::TableOptions;
-use super::super::{Format, value};
+use super::super::{Format, stamp, units, value};
+use super::fields::{is_called_time, is_data, time_name_and_unit};
 use super::long_columns::LongColumns;
 use super::paired::PairedColumns;
-use super::rows::{TableRows, read_row, read_text_row, rows_of};
+use super::rows::{TableRows, TextRows, read_row};
 use super::shape::Shape;
 use ::csv::ByteRecord;
+
+/// Signs between fields, the likelier first.
+const DELIMITERS: [u8; 4] = [b',', b';', b'\t', b'|'];
 
 /// Rows that are looked at.
 const ROWS: usize = 50;
@@ -59,13 +63,22 @@ impl Sniff {
     /// The columns of signals with a time or a quality of their own beside them.
     pub(super) fn paired_columns(&self) -> Option<PairedColumns> {
         let (_, rows) = self.rows.split_first()?;
-        PairedColumns::of(&self.titles(), rows)
+        PairedColumns::of(&self.titles(), rows, self.time())
+    }
+
+    /// The column of the time where no option names one: the first, or the one whose title or fields are those of a
+    /// time where the first has neither.
+    pub(super) fn time(&self) -> usize {
+        match self.rows.split_first() {
+            Some((_, rows)) => likely_time(&self.titles(), rows),
+            None => 0,
+        }
     }
 
     /// The columns of a table whose rows name their signals; none of another table.
     pub(super) fn long_columns(&self, options: &Options) -> Result<Option<LongColumns>, ReadError> {
         match self.rows.split_first() {
-            Some((_, rows)) => LongColumns::chosen(&self.titles(), rows, options),
+            Some((_, rows)) => LongColumns::chosen(&self.titles(), rows, self.time(), options),
             None => Ok(None),
         }
     }
@@ -74,7 +87,7 @@ impl Sniff {
     /// each device.
     pub(super) fn mixed_column(&self) -> Option<&str> {
         let (titles, rows) = self.rows.split_first()?;
-        let column = LongColumns::mixed_column(rows)?;
+        let column = LongColumns::mixed_column(rows, self.time())?;
         titles.get(column).map(String::as_str)
     }
 
@@ -148,6 +161,28 @@ impl Sniff {
     }
 }
 
+/// The column of the time by its title, or by fields that are all times.
+fn likely_time(titles: &[&str], rows: &[Vec<String>]) -> usize {
+    let all = |column: usize, is: &dyn Fn(&str) -> bool| {
+        let fields = rows.iter().filter_map(|row| row.get(column));
+        let mut fields = fields.filter(|field| !field.is_empty()).peekable();
+        fields.peek().is_some() && fields.all(|field| is(field))
+    };
+    let are_stamps = |column: &usize| all(*column, &stamp::is_one);
+    let is_called = |column: &usize| is_called_time(titles[*column]) && all(*column, &is_data);
+    let has_unit = |column: usize| {
+        let (_, unit) = time_name_and_unit(titles[column]);
+        !unit.is_empty() && units::parse_time(unit).is_some()
+    };
+    let is_first = titles.is_empty() || has_unit(0) || is_called(&0) || are_stamps(&0);
+    let mut called = (1..titles.len()).filter(is_called);
+    match (called.next(), called.next()) {
+        _ if is_first => 0,
+        (Some(time), None) => time,
+        _ => (1..titles.len()).find(are_stamps).unwrap_or(0),
+    }
+}
+
 /// A head up to its last line, which may be cut; that of a whole text is not.
 fn without_cut_line(head: &[u8]) -> &[u8] {
     match head.iter().rposition(|byte| *byte == b'\n') {
@@ -205,24 +240,31 @@ fn shape_of(text: &[u8], options: &TableOptions) -> (u8, Shape) {
     if described(&first.iter().take(2).map(words).collect::<Vec<_>>()).is_some() {
         return plain;
     }
-    let unlikely = [b',', b';', b'\t'].into_iter();
+    let unlikely = DELIMITERS.into_iter();
     let unlikely = unlikely.filter(|delimiter| *delimiter != likely && text.contains(delimiter));
     let unlikely =
         unlikely.map(|delimiter| (delimiter, Shape::of(&first_rows(text, delimiter), options)));
     // Among delimiters with as many columns the last is taken.
     let all = unlikely.chain([(likely, Shape::of(&first, options))]);
     let best = all.filter_map(|(delimiter, shape)| Some((delimiter, shape?)));
-    best.max_by_key(|(_, shape)| shape.columns())
+    let best = best.max_by_key(|(_, shape)| shape.columns());
+    if best.as_ref().is_some_and(|(_, shape)| shape.columns() > 1) {
+        return best.unwrap_or(plain);
+    }
+    let of_blanks = Shape::of(&first_rows(text, b' '), options);
+    let of_blanks = of_blanks.filter(|shape| shape.columns() > 1 && shape.is_even());
+    of_blanks
+        .map(|shape| (b' ', shape))
+        .or(best)
         .unwrap_or(plain)
 }
 
 /// The first rows of a text, from its first line on.
 pub(super) fn first_rows(text: &[u8], delimiter: u8) -> Vec<ByteRecord> {
-    let mut rows = rows_of(text, delimiter);
+    let mut rows = TextRows::of(text, delimiter);
     let mut first = Vec::new();
     let mut record = ByteRecord::new();
-    while first.len() < TOP_ROWS && read_text_row(&mut rows, &mut record).is_ok_and(|is_one| is_one)
-    {
+    while first.len() < TOP_ROWS && rows.read(&mut record).is_ok_and(|is_one| is_one) {
         first.push(record.clone());
     }
     first
@@ -241,7 +283,7 @@ pub(super) enum Fractions {
 
 /// The delimiter that stands most often in the header row, outside quotes.
 fn delimiter(head: &[u8]) -> u8 {
-    let mut counts = [(b',', 0_usize), (b';', 0), (b'\t', 0)];
+    let mut counts = DELIMITERS.map(|delimiter| (delimiter, 0_usize));
     let mut quoted = false;
     for byte in head.trim_ascii() {
         quoted ^= *byte == b'"';

@@ -7,7 +7,8 @@ use super::super::column::SignalColumn;
 use super::super::error::{ReadError, ReadingFaults, at_line};
 use super::super::options::{Options, ReadingPurpose};
 use super::super::order::{CoarseTimes, MOST_TIMES_USUAL, TimeOrder};
-use super::fields::{line_of, not_utf8};
+use super::below::RowsBelow;
+use super::fields::{is_data, line_of, not_utf8};
 use super::header::Header;
 use super::rows::is_empty;
 use crate::columns::{SampleColumns, SampleSeries, Since};
@@ -39,6 +40,7 @@ pub(super) struct CsvTable<'o> {
     ran_backwards: bool,
     duplicates: usize,
     empty_rows: usize,
+    below: RowsBelow,
     faults: ReadingFaults,
 }
 
@@ -66,6 +68,7 @@ impl<'o> CsvTable<'o> {
             ran_backwards: false,
             duplicates: 0,
             empty_rows: 0,
+            below: RowsBelow::default(),
             faults,
         }
     }
@@ -111,8 +114,9 @@ impl<'o> CsvTable<'o> {
             .any(|field| !field.trim_ascii().is_empty());
         if record.len() < wanted || surplus {
             let detail = format!("{} fields where the header has {wanted}", record.len());
-            self.faults
-                .malformed(at_line(line, None, "ragged_row", detail));
+            let mut faults = ReadingFaults::default();
+            faults.malformed(at_line(line, None, "ragged_row", detail));
+            self.take_faults_of(record, faults);
             return Ok(());
         }
         let Ok(time) = std::str::from_utf8(&record[self.time]) else {
@@ -122,18 +126,46 @@ impl<'o> CsvTable<'o> {
         match self.clock.read(&Cell::Text(time), self.last) {
             Err((code, detail)) => {
                 let column = Some(self.names[self.time].as_str());
-                self.faults.invalid(at_line(line, column, code, detail));
+                let mut faults = ReadingFaults::default();
+                faults.invalid(at_line(line, column, code, detail));
+                self.take_faults_of(record, faults);
             }
-            Ok(instant) if self.is_next(instant, line) => {
-                self.push_last_rows(false)?;
-                self.last = Some(instant);
-                self.read_row(record, instant, line);
-                std::mem::swap(&mut self.row, &mut self.last_rows);
+            Ok(instant) => {
+                self.faults.extend(self.below.take_faults());
+                if self.is_next(instant, line) {
+                    self.push_last_rows(false)?;
+                    self.last = Some(instant);
+                    self.read_row(record, instant, line);
+                    std::mem::swap(&mut self.row, &mut self.last_rows);
+                } else if self.last == Some(instant) {
+                    self.take_same(record, instant, line);
+                }
             }
-            Ok(instant) if self.last == Some(instant) => self.take_same(record, instant, line),
-            Ok(_) => {}
         }
         Ok(())
+    }
+
+    /// Takes the faults of a row that is none of the table. Below the data of a whole text it may be a row of sums or
+    /// of words, or the row at which the text was cut.
+    fn take_faults_of(&mut self, record: &ByteRecord, faults: ReadingFaults) {
+        let field = |field: &[u8]| String::from_utf8_lossy(field).trim().to_owned();
+        let is_number = |text: String| !text.is_empty() && is_data(&text);
+        let mut beside = record.iter().enumerate();
+        let has_numbers = beside.any(|(k, text)| k != self.time && is_number(field(text)));
+        let time = field(record.get(self.time).unwrap_or_default());
+        let is_short = record.len() < self.columns.len();
+        let may_stand_below = self.options.purpose == ReadingPurpose::Recording
+            && self.last.is_some()
+            && (is_short || !has_numbers || !time.contains(char::is_numeric));
+        if may_stand_below {
+            self.below.take(record, faults);
+        } else {
+            self.faults.extend(self.below.take_faults());
+            self.faults.extend(faults);
+        }
+        if self.below.is_long() {
+            self.faults.extend(self.below.take_faults());
+        }
     }
 
     /// Takes a row of the time of the row before.
@@ -299,12 +331,16 @@ impl<'o> CsvTable<'o> {
             let detail = format!("{} empty rows skipped", self.empty_rows);
             notes.push(Warning::of_recording("empty_rows", detail));
         }
+        notes.extend(self.below.note());
         notes
     }
 
     /// What can be told at the end only.
     fn check(&mut self, samples: usize) {
         let least = self.options.purpose.least_instants();
+        if samples < least {
+            self.faults.extend(self.below.take_faults());
+        }
         let signals = self
             .names
             .iter()

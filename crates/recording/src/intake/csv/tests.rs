@@ -2,6 +2,7 @@
 
 mod layouts;
 mod told_layouts;
+mod untidy;
 
 use crate::intake::{self, MediaKind, Options, ReadError};
 use crate::{Recording, TimeAxis};

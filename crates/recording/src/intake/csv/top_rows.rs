@@ -2,9 +2,9 @@
 
 use super::super::table_options::{NamedRow, TableOptions};
 use super::super::{stamp, units};
-use super::fields::{is_data, line_of};
+use super::fields::{count_up, is_data, line_of};
 use ::csv::ByteRecord;
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 
 /// A row as text, without empty fields at its end.
 pub(super) fn fields_of(record: &ByteRecord) -> Vec<String> {
@@ -24,6 +24,8 @@ pub(super) struct TopRows {
     width: usize,
     /// The columns that hold data.
     pub(super) data: Vec<usize>,
+    /// The first column counts the rows of data, for which there may be no title.
+    are_numbered: bool,
 }
 
 impl TopRows {
@@ -47,7 +49,12 @@ impl TopRows {
             data > 0 && 2 * data >= filled.len()
         };
         let data = (0..width).filter(holds_data).collect();
+        let are_numbered = {
+            let of_width = (0..rows.len()).filter(of_width);
+            count_up(of_width.map(|k| rows[k].first()))
+        };
         Some(TopRows {
+            are_numbered,
             rows,
             are_data,
             width,
@@ -65,7 +72,7 @@ impl TopRows {
     /// Whether a row may be that of the titles.
     fn is_titles(&self, row: usize) -> bool {
         let words = self.rows[row].iter().filter(|field| !field.is_empty());
-        self.rows[row].len() >= self.width
+        self.rows[row].len() + usize::from(self.are_numbered) >= self.width
             && 2 * words.count() >= self.width
             && !self.are_data[row].contains(&true)
     }
@@ -73,6 +80,11 @@ impl TopRows {
     pub(super) fn is_comment(&self, row: usize) -> bool {
         let first = self.rows[row].first();
         first.is_some_and(|field| field.starts_with('#'))
+    }
+
+    /// Whether a row has a number or a time in any of its fields.
+    pub(super) fn has_data(&self, row: usize) -> bool {
+        self.are_data[row].contains(&true)
     }
 
     /// The first row of data from a row on; the number of rows where there is none.
@@ -131,7 +143,9 @@ impl TopRows {
         let may_be: Vec<bool> = may_be.collect();
         let all = || (0..first).filter(|k| may_be[*k]);
         let Some(last) = all().rfind(|k| !self.is_comment(*k)) else {
-            let last = all().next_back();
+            // Titles that are numbers, as those of channels, stand right above the data.
+            let above = first.checked_sub(1).filter(|k| self.may_call_columns(*k));
+            let last = all().next_back().or(above);
             return last.map(|k| titles(k, None)).ok_or_else(Vec::new);
         };
         let block = (0..=last).rev();
@@ -139,15 +153,42 @@ impl TopRows {
         let mut block: Vec<usize> = block.collect();
         block.reverse();
         block.dedup_by(|later, earlier| self.rows[*later] == self.rows[*earlier]);
+        if let [only] = block[..]
+            && only > 0
+            && self.are_units_below_titles(only)
+        {
+            return Ok(titles(only - 1, Some(only)));
+        }
         let units = match block.len() {
             1 => None,
             _ => block.iter().rfind(|k| is_units(&self.rows[**k])).copied(),
         };
-        block.retain(|k| Some(*k) != units);
+        // Loggers have a row below that of the units which says how samples were made.
+        let above_units = block.iter().filter(|k| Some(**k) < units).count();
+        block.retain(|k| Some(*k) != units && (above_units != 1 || Some(*k) < units));
         match block[..] {
             [header] => Ok(titles(header, units)),
             _ => Err(block),
         }
+    }
+}
+
+impl TopRows {
+    /// Whether a row has a field for each column and begins with a word.
+    fn may_call_columns(&self, row: usize) -> bool {
+        let first = self.rows[row].first();
+        self.rows[row].len() >= self.width && first.is_some_and(|first| !is_data(first))
+    }
+
+    /// Whether the fields of a row are units, one of them of two columns, and the row above calls columns by numbers.
+    fn are_units_below_titles(&self, row: usize) -> bool {
+        let may_call = self.may_call_columns(row - 1);
+        let (above, row) = (&self.rows[row - 1], &self.rows[row]);
+        let mut units = row.iter().map(|field| unit_of(field));
+        let are_units = units.all(|unit| units::parse(unit).is_some());
+        let different: BTreeSet<&String> = row.iter().collect();
+        let titles: BTreeSet<&String> = above.iter().filter(|title| !title.is_empty()).collect();
+        are_units && different.len() < row.len() && titles.len() == row.len() && may_call
     }
 }
 
@@ -190,7 +231,17 @@ impl NamedRows {
 
 /// A unit as it stands in a row of units, without brackets; nothing for a word that names the row.
 pub(super) fn unit_of(field: &str) -> &str {
-    const NAMES: [&str; 5] = ["unit", "units", "einheit", "einheiten", "uom"];
+    const NAMES: [&str; 9] = [
+        "unit",
+        "units",
+        "einheit",
+        "einheiten",
+        "uom",
+        "no",
+        "no.",
+        "ts",
+        "rn",
+    ];
     let unit = field.trim_matches(['[', ']', '(', ')', ' ', ':']);
     match NAMES.contains(&unit.to_lowercase().as_str()) {
         true => "",

@@ -34,7 +34,7 @@ fn titles_that_are_in_doubt_are_asked_for_and_said_by_their_line() {
     assert_eq!(values(&recording, "Druck"), [1.0, 1.5, 2.5]);
     assert_eq!(recording.source.options["header_row"], "2");
     let recording = read(text.as_bytes(), &with(&[("header_row", "1")]));
-    // What stands below the titles is then a row of the table, and no data.
+    // The unit of a time that is called `Tag 1` is then asked for.
     assert!(recording.is_err());
     let beyond = ("unknown_line".to_owned(), Some("header_row".to_owned()));
     assert_eq!(faults(text, &[("header_row", "99")]), [beyond]);
@@ -80,7 +80,7 @@ fn a_row_of_units_is_where_options_say_or_nowhere() {
     assert_eq!(values(&recording, "p"), [1e5, 2e5, 3e5]);
     // Columns that are called as units are.
     let named = "time,A,V\nx,y,z\n0,1,2\n1,2,2\n2,3,2\n";
-    assert_eq!(faults(named, &[])[0].0, "unknown_unit");
+    assert_eq!(faults(named, &[])[0].0, "time_unit_needed");
     let options = with(&[
         ("header_row", "2"),
         ("unit_row", "none"),

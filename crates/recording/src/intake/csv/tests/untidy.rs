@@ -1,0 +1,136 @@
+//! Tables with counters before them, heads above and feet below, with blanks or bars between fields.
+
+use super::{codes, parse, read, values};
+use crate::Recording;
+use crate::intake::Options;
+
+fn told(recording: &Recording) -> Vec<&str> {
+    let codes = recording.notes.iter().map(|note| note.code.as_str());
+    codes.collect()
+}
+
+/// The stored values of a text without a fault.
+fn stored(text: &str, name: &str) -> Vec<f64> {
+    let recording = parse(text).unwrap_or_else(|error| panic!("{text}: {error:?}"));
+    values(&recording, name)
+}
+
+#[test]
+fn the_time_may_stand_behind_other_columns() {
+    let scans = "Scan,Time,101 (V)\n1,2026-03-02 08:15:00Z,3.2\n2,2026-03-02 08:15:01Z,3.3\n3,2026-03-02 08:15:02Z,3.4\n";
+    let recording = parse(scans).unwrap();
+    assert_eq!(values(&recording, "101"), [3.2, 3.3, 3.4]);
+    assert_eq!(recording.signals.len(), 1);
+    assert_eq!(told(&recording), ["row_numbers"]);
+
+    let batches = "batch,ts,p [bar]\nb7,2026-03-02T08:15:00Z,1\nb7,2026-03-02T08:15:01Z,2\nb7,2026-03-02T08:15:02Z,3\n";
+    let recording = parse(batches).unwrap();
+    assert_eq!(values(&recording, "p"), [1e5, 2e5, 3e5]);
+    assert_eq!(told(&recording), ["time_column", "text_column"]);
+    assert_eq!(recording.start.unwrap().to_string(), "2026-03-02T08:15:00Z");
+
+    let parts = "Header:,Date,Time,PT\nData,2026-03-02,08:15:00.000,3.2\nData,2026-03-02,08:15:00.500,3.3\nData,2026-03-02,08:15:01.000,3.4\n";
+    assert_eq!(codes(parts), ["no_offset"; 3]);
+    let mut options = Options::default();
+    options.set("tz", "Europe/Berlin").unwrap();
+    let recording = read(parts.as_bytes(), &options).unwrap();
+    assert_eq!(values(&recording, "PT"), [3.2, 3.3, 3.4]);
+
+    // A first column with a unit of time, or called so, is the time whatever else stands there.
+    let both = "t [s],stamp,p\n0,2026-03-02T08:15:00Z,1\n1,2026-03-02T08:15:01Z,2\n2,2026-03-02T08:15:02Z,3\n";
+    assert!(parse(both).map_or(true, |recording| recording.start.is_none()));
+}
+
+#[test]
+fn rows_of_a_database_name_their_signals_behind_a_counter() {
+    let rows = "id,sensor_id,ts,val\n1,PT,2026-03-02T08:15:00Z,3.2\n2,TT,2026-03-02T08:15:00Z,65\n\
+                3,PT,2026-03-02T08:15:01Z,3.3\n4,TT,2026-03-02T08:15:01Z,66\n";
+    let recording = parse(rows).unwrap();
+    assert_eq!(values(&recording, "PT"), [3.2, 3.3]);
+    assert_eq!(values(&recording, "TT"), [65.0, 66.0]);
+    assert_eq!(recording.signals.len(), 2);
+
+    let states = "entity_id,state,last_changed\na,65.1,2026-03-02T08:15:00Z\nb,1,2026-03-02T08:15:01Z\n\
+                  a,65.2,2026-03-02T08:15:02Z\nb,2,2026-03-02T08:15:03Z\n";
+    let recording = parse(states).unwrap();
+    let names: Vec<&str> = recording
+        .signals
+        .iter()
+        .map(|signal| signal.name.as_str())
+        .collect();
+    assert_eq!(names, ["a", "b"]);
+}
+
+#[test]
+fn heads_of_loggers_and_oscilloscopes_are_read() {
+    let toa5 = "\"TOA5\",\"CR1000\",\"CR1000\",\"1234\",\"Std.27\",\"prog.CR1\",\"7\",\"Table1\"\n\
+                \"TIMESTAMP\",\"RECORD\",\"P\",\"T_Avg(1)\"\n\"TS\",\"RN\",\"mbar\",\"Deg C\"\n\"\",\"\",\"Smp\",\"Avg\"\n\
+                \"2026-03-02 08:15:00Z\",0,950,20\n\"2026-03-02 08:15:01Z\",1,951,21\n\"2026-03-02 08:15:02Z\",2,952,22\n";
+    assert_eq!(stored(toa5, "P"), [95_000.0, 95_100.0, 95_200.0]);
+    assert_eq!(stored(toa5, "T_Avg(1)"), [293.15, 294.15, 295.15]);
+
+    let scope = "x-axis,1,2\ns,Volt,Volt\n0.0,1.5,2.5\n0.001,1.6,2.6\n0.002,1.7,2.7\n";
+    assert_eq!(stored(scope, "1"), [1.5, 1.6, 1.7]);
+    assert_eq!(stored(scope, "2"), [2.5, 2.6, 2.7]);
+
+    let labview = "X_Value\tPT [bar]\tComment\n0.0\t3.2\n0.1\t3.3\n0.2\t3.4\n";
+    assert_eq!(codes(labview), ["time_unit_needed"; 3]);
+    let labview = labview.replace("X_Value", "t [s]");
+    let recording = parse(&labview).unwrap();
+    assert_eq!(values(&recording, "PT"), [3.2e5, 3.3e5, 3.4e5]);
+    assert_eq!(told(&recording), ["left_out_columns"]);
+}
+
+#[test]
+fn rows_below_the_data_are_left_out_and_told() {
+    let rows = "t [s],p\n0,1\n1,2\n2,3\n";
+    for foot in [
+        "Average,2\n",
+        "3 rows,\n",
+        "EOF\n",
+        "\nMin,1\nMax,3\n",
+        "Exported by A, hall 2, on Monday\n",
+        "3\n",
+    ] {
+        let recording = parse(&[rows, foot].concat()).unwrap();
+        assert_eq!(values(&recording, "p"), [1.0, 2.0, 3.0], "{foot}");
+        assert!(told(&recording).contains(&"lines_left_out"), "{foot}");
+    }
+    let closed = [rows, "\0\0\0\0\0\0\n"].concat();
+    assert_eq!(stored(&closed, "p"), [1.0, 2.0, 3.0]);
+    // A row among the data, and a number at a time that cannot be read, are faults as before.
+    for (among, code) in [
+        ("Average,2\n3,4\n", "not_a_time"),
+        ("3\n4,5\n", "ragged_row"),
+        ("3x,4\n", "not_a_time"),
+    ] {
+        assert_eq!(codes(&[rows, among].concat()), [code], "{among}");
+    }
+    let many: String = (0..21).map(|_| "word,1\n").collect();
+    assert!(!codes(&[rows, &many].concat()).is_empty());
+}
+
+#[test]
+fn fields_may_stand_between_blanks_or_bars() {
+    let saved = "# t[s] p[bar]\n0.000e+00 1.5e+00\n1.000e+00 1.6e+00\n2.000e+00 1.7e+00\n";
+    assert_eq!(stored(saved, "p"), [1.5e5, 1.6e5, 1.7e5]);
+    let aligned = "  t[s]      p\n   0.0   1.50\n   1.0  10.50\n   2.0 100.50\n";
+    assert_eq!(stored(aligned, "p"), [1.5, 10.5, 100.5]);
+    let numbered = "\"time\" \"p\"\n\"1\" 0 1.5\n\"2\" 1 1.6\n\"3\" 2 1.7\n";
+    assert_eq!(stored(numbered, "p"), [1.5, 1.6, 1.7]);
+    let bars = "         ts          |  p  \n---------------------+-----\n 2026-03-02 08:15:00Z | 1.5\n\
+                 2026-03-02 08:15:01Z | 1.6\n 2026-03-02 08:15:02Z | 1.7\n(3 rows)\n";
+    assert_eq!(stored(bars, "p"), [1.5, 1.6, 1.7]);
+    // One column of words with blanks is no table.
+    assert_eq!(codes("a b c\nd e\nf\n"), ["no_signals"]);
+}
+
+#[test]
+fn a_quality_behind_each_signal_rates_the_signal_before() {
+    let twice = "time [s],A,Status,B,Status\n0,1,Good,5,Good\n1,2,Bad [Comm Failure],6,Good\n2,3,Good,7,\"Bad, Not Connected\"\n";
+    let recording = parse(twice).unwrap();
+    assert_eq!(recording.signals.len(), 2);
+    assert_eq!(recording.signal("A").unwrap().missing(), 1);
+    assert_eq!(recording.signal("B").unwrap().missing(), 1);
+    assert_eq!(values(&recording, "A")[2], 3.0);
+}
