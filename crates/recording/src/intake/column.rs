@@ -37,6 +37,9 @@ const SENTINELS: [f64; 24] = [
     -999_999.0,
 ];
 
+/// Numbers of the list that are larger stand for no value of any plant.
+const SURELY_NONE: f64 = 1e29;
+
 /// Below this, a number is none of them.
 const SMALLEST_SENTINEL: f64 = 99.0;
 
@@ -82,11 +85,13 @@ impl Words {
         /// Different words that are named.
         const NAMED: usize = 5;
         self.count += 1;
-        if let Cell::Text(text) = cell {
-            let text = excerpt(text.trim());
-            if self.examples.len() < NAMED && !self.examples.contains(&text) {
-                self.examples.push(text);
-            }
+        let text = match cell {
+            Cell::Text(text) => excerpt(text.trim()),
+            Cell::Number(number) => shown(*number),
+            _ => return,
+        };
+        if self.examples.len() < NAMED && !self.examples.contains(&text) {
+            self.examples.push(text);
         }
     }
 
@@ -176,6 +181,12 @@ impl SignalColumn {
             CellValue::Number(number) if self.unit_from_cells && !self.ignored => {
                 let detail = format!("`{number}` has no unit where the samples before have one");
                 self.faults.invalid(place("units_differ", detail));
+                f64::NAN
+            }
+            CellValue::Number(number)
+                if number.abs() > SURELY_NONE && SENTINELS.contains(&number) =>
+            {
+                self.words.take(cell);
                 f64::NAN
             }
             CellValue::Number(number) => self.number(number, place),

@@ -39,6 +39,14 @@ impl ReadError {
             Self::Malformed(faults) | Self::Invalid(faults) => faults,
         }
     }
+
+    /// The error with a further fault behind its own.
+    pub(super) fn with(mut self, further: Fault) -> Self {
+        if let Self::Malformed(faults) | Self::Invalid(faults) = &mut self {
+            faults.push(further);
+        }
+        self
+    }
 }
 
 fn sentences(faults: &[Fault]) -> String {

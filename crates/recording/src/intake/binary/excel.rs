@@ -48,8 +48,13 @@ pub(super) fn receive(
         row: 0,
         header: None,
     });
+    let other_sheets = notes.first().map(|note| note.detail.clone());
     let rows = ConvertedRows { text: rows, notes };
-    receive_rows(Format::Excel, rows, options, scratch, memory)
+    let received = receive_rows(Format::Excel, rows, options, scratch, memory);
+    received.map_err(|error| match other_sheets {
+        Some(detail) => error.with(Fault::of_parameter("sheet", "other_sheets", detail)),
+        None => error,
+    })
 }
 
 fn not_read(error: &XlsxError) -> ReadError {

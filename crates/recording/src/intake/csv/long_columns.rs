@@ -11,7 +11,7 @@ use greybox_numerics::parsing::Fault;
 use greybox_numerics::parsing::reader::did_you_mean;
 use std::collections::HashSet;
 
-const TIMES: [&str; 10] = [
+const TIMES: [&str; 11] = [
     "timestring",
     "timestamp",
     "datetime",
@@ -22,8 +22,9 @@ const TIMES: [&str; 10] = [
     "sourcetimestamp",
     "lastchanged",
     "lastupdated",
+    "iptrendtime",
 ];
-const TAGS: [&str; 25] = [
+const TAGS: [&str; 26] = [
     "tag",
     "tagname",
     "tagpath",
@@ -49,8 +50,9 @@ const TAGS: [&str; 25] = [
     "entityid",
     "sensorid",
     "varname",
+    "tagindex",
 ];
-const VALUES: [&str; 15] = [
+const VALUES: [&str; 16] = [
     "value",
     "val",
     "v",
@@ -66,8 +68,9 @@ const VALUES: [&str; 15] = [
     "payload",
     "state",
     "varvalue",
+    "iptrendvalue",
 ];
-const QUALITIES: [(&str, Option<Scheme>); 22] = [
+const QUALITIES: [(&str, Option<Scheme>); 23] = [
     ("opcquality", Some(Scheme::OpcDa)),
     ("qualitydetail", Some(Scheme::AvevaQualityDetail)),
     ("quality", None),
@@ -90,6 +93,7 @@ const QUALITIES: [(&str, Option<Scheme>); 22] = [
     ("isvalid", None),
     ("valid", None),
     ("validity", None),
+    ("iptrendqstatus", None),
 ];
 const UNITS: [&str; 5] = ["unit", "units", "uom", "engunits", "unitsabbreviation"];
 

@@ -29,6 +29,7 @@ mod top_rows;
 use super::error::{at_line, invalid};
 use super::memory::Memory;
 use super::options::{Decimal, Options};
+use super::units::name_and_unit;
 use super::{Format, ReadError};
 use crate::{NewScratch, ReceivedRecording, Warning};
 use ::csv::ByteRecord;
@@ -66,7 +67,17 @@ pub(super) fn receive_as(
     let mut options = options.clone();
     match sniff.fractions() {
         _ if options.decimal.is_some() => {}
-        Fractions::Point => {}
+        Fractions::Point => {
+            let detail = "the points were read before fractions; where they stand between thousands, say `decimal=,`";
+            let note = |column| {
+                Warning::of_signal(
+                    "decimal_point",
+                    name_and_unit(sniff.title(column)).0,
+                    detail.to_owned(),
+                )
+            };
+            notes.extend(sniff.thousands().map(note));
+        }
         Fractions::Comma => {
             options.decimal = Some(Decimal::Comma);
             let detail = "numbers have a decimal comma; `decimal` says otherwise".to_owned();

@@ -152,6 +152,20 @@ impl Sniff {
         }
     }
 
+    /// The column of a table between semicolons whose fields all may be thousands, as `1.452` of a plant that writes
+    /// commas before fractions.
+    pub(super) fn thousands(&self) -> Option<usize> {
+        let width = self.rows.iter().map(Vec::len).max().unwrap_or(0);
+        let may_be = |column: &usize| {
+            let fields = self.rows.iter().skip(1).filter_map(|row| row.get(*column));
+            let filled: Vec<&String> = fields.filter(|field| !field.is_empty()).collect();
+            let mut fields = filled.iter();
+            let are_thousands = fields.all(|field| value::is_in_thousands(field, '.'));
+            filled.len() > 1 && are_thousands
+        };
+        (0..width).filter(|_| self.delimiter == b';').find(may_be)
+    }
+
     /// The title of a column.
     pub(super) fn title(&self, column: usize) -> &str {
         let titles = self.rows.first();

@@ -12,6 +12,7 @@ use super::converted::{
 use crate::intake::options::Options;
 use crate::intake::{Format, ReadError};
 use crate::{MAX_SIGNALS, NewScratch, ReceivedRecording, Warning};
+use ::parquet::basic::Compression;
 use ::parquet::errors::ParquetError;
 use ::parquet::file::reader::{FileReader, SerializedFileReader};
 use bytes::Bytes;
@@ -40,6 +41,12 @@ pub(super) fn receive(
         return Err(not_read(&"its footer does not read"));
     }
     let file = SerializedFileReader::new(bytes.clone()).map_err(|error| not_read(&error))?;
+    if let Some(name) = unknown_compression(&file) {
+        return Err(ReadError::Unsupported(format!(
+            "the columns of this Parquet file are compressed with {name}, which is not read here; write the file \
+             with zstd, snappy, gzip, lz4 or without compression"
+        )));
+    }
     let Some(pages) = headers::pages(&bytes, file.metadata()) else {
         return Err(damaged(Format::Parquet));
     };
@@ -69,6 +76,17 @@ pub(super) fn receive(
         notes: note.into_iter().collect(),
     };
     receive_rows(Format::Parquet, rows, options, scratch, memory)
+}
+
+/// The name of a compression of the file that is not read.
+fn unknown_compression(file: &SerializedFileReader<Bytes>) -> Option<&'static str> {
+    let groups = file.metadata().row_groups().iter();
+    let mut columns = groups.flat_map(|group| group.columns());
+    columns.find_map(|column| match column.compression() {
+        Compression::BROTLI(_) => Some("Brotli"),
+        Compression::LZO => Some("LZO"),
+        _ => None,
+    })
 }
 
 /// A column that is read.

@@ -134,3 +134,20 @@ fn a_quality_behind_each_signal_rates_the_signal_before() {
     assert_eq!(recording.signal("B").unwrap().missing(), 1);
     assert_eq!(values(&recording, "A")[2], 3.0);
 }
+
+#[test]
+fn points_that_may_stand_between_thousands_are_told() {
+    let rows = "t [s];n [rpm]\n0;1.452\n1;1.467\n2;1.470\n";
+    assert_eq!(told(&parse(rows).unwrap()), ["decimal_point"]);
+    let clear = rows.replace("1.470", "1.47");
+    assert!(told(&parse(&clear).unwrap()).is_empty());
+    assert!(told(&parse(&rows.replace(';', ",")).unwrap()).is_empty());
+}
+
+#[test]
+fn numbers_that_no_plant_has_are_missing() {
+    let text = "t [s],U [V]\n0,1.5\n1,9.9E+37\n2,1.6\n3,-1e30\n";
+    let recording = parse(text).unwrap();
+    assert_eq!(recording.signal("U").unwrap().missing(), 2);
+    assert_eq!(told(&recording), ["words_for_missing"]);
+}
