@@ -19,6 +19,7 @@ use jiff::Timestamp;
 use jiff::tz::TimeZone;
 use names::{COUNTERS, TIMES};
 use spelling::Spelling;
+use std::borrow::Cow;
 
 /// Unix times of plants: 1990 to 2100 `[s]`.
 const UNIX: std::ops::Range<f64> = 631_152_000.0..4_102_444_800.0;
@@ -45,8 +46,10 @@ pub(super) struct Clock {
     /// The hour that came twice, as long as no order of times told its two passes apart.
     double_hour: Option<DoubleHour>,
     is_told_by_order: bool,
-    /// Whether the times are hours, minutes and seconds without a date.
+    /// Whether the times are texts without a date: hours, minutes and seconds, or numbers with their unit.
     is_span: bool,
+    /// Whether the times are hours, minutes and seconds without a date.
+    lacks_date: bool,
     /// Whether a time is no multiple of [`TICK`].
     is_fine: bool,
     /// The longest time from the first to another one `[s]`.
@@ -104,6 +107,7 @@ impl Clock {
             double_hour: None,
             is_told_by_order: false,
             is_span: false,
+            lacks_date: false,
             is_fine: false,
             farthest: 0.0,
             guessed_unit: None,
@@ -232,7 +236,7 @@ impl Clock {
             );
             notes.push(Warning::of_recording("rounded_stamps", detail));
         }
-        if self.is_span && !self.name.is_empty() {
+        if self.lacks_date && !self.name.is_empty() {
             let detail = format!(
                 "`{}` has times without a date: nothing says when the recording began",
                 self.name
@@ -254,7 +258,7 @@ impl Clock {
         let number = match cell {
             Cell::Integer(number) => Some(*number as f64),
             Cell::Number(number) => Some(*number),
-            Cell::Text(text) if self.is_span => stamp::span(text),
+            Cell::Text(text) if self.is_span => stamp::span(text, self.options.decimal),
             Cell::Text(text) => number(text.trim(), self.options.decimal),
             _ => None,
         };
@@ -266,9 +270,10 @@ impl Clock {
     /// What the first time tells about all of them.
     fn first(&mut self, cell: &Cell<'_>) -> Result<TimeKind, ClockFault> {
         let spelling = match cell {
-            Cell::Text(text) if let Some(first) = stamp::span(text) => {
+            Cell::Text(text) if let Some(first) = stamp::span(text, self.options.decimal) => {
                 self.refuse_unit_of_stamps(text)?;
                 self.is_span = true;
+                self.lacks_date = text.contains(':');
                 return Ok(TimeKind::since(first, 1.0));
             }
             Cell::Text(text) if stamp::looks_like_one(text) => {
@@ -278,6 +283,10 @@ impl Clock {
                     _ => None,
                 };
                 Spelling::Stamp { day_first }
+            }
+            _ if self.is_of_digits(cell) => {
+                self.guessed_unit = Some("dates of digits alone (yyyymmddhhmmss)");
+                Spelling::Stamp { day_first: None }
             }
             _ => match self.numbers(self.number(cell)?)? {
                 TimeNumbers::Instants(spelling) => spelling,
@@ -290,12 +299,20 @@ impl Clock {
         Ok(TimeKind::Absolute { spelling, first })
     }
 
+    /// Whether a number is a date of digits alone, and nothing says its unit.
+    fn is_of_digits(&self, cell: &Cell<'_>) -> bool {
+        let has_unit = !matches!(self.options.unit, None | Some(TimeUnit::Dates { .. }));
+        let text = cell.to_string();
+        !has_unit && stamp::is_of_digits(&text) && self.refuse_unit_of_stamps(&text).is_ok()
+    }
+
     fn refuse_unit_of_stamps(&self, text: &str) -> Result<(), ClockFault> {
         let named = self.recorded_unit.to_ascii_lowercase().replace(' ', "");
         if matches!(
             named.as_str(),
             "" | "rfc3339" | "iso8601" | "utc" | "datetime"
         ) || stamp::is_pattern(&self.recorded_unit)
+            || text.trim().ends_with(&self.recorded_unit)
         {
             return Ok(());
         }
@@ -440,10 +457,12 @@ impl Clock {
         day_first: Option<bool>,
         before: Option<i64>,
     ) -> Result<i64, ClockFault> {
-        let Cell::Text(text) = cell else {
-            return Err(not_a_time(cell));
+        let text = match cell {
+            Cell::Text(text) => Cow::Borrowed(text.trim()),
+            Cell::Integer(_) | Cell::Number(_) => Cow::Owned(cell.to_string()),
+            _ => return Err(not_a_time(cell)),
         };
-        match stamp::parse(text.trim(), day_first)? {
+        match stamp::parse(&text, day_first)? {
             Stamp::Instant(instant, offset) => {
                 if self.kind.is_none() {
                     self.offset = offset;

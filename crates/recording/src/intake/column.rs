@@ -1,5 +1,7 @@
 //! The values of one signal on their way in: to SI, with what was met among them.
 
+mod negative;
+
 use super::cell::Cell;
 use super::error::{ReadingFaults, excerpt};
 use super::options::{Decimal, Options, ReadingPurpose};
@@ -7,6 +9,7 @@ use super::units::{self, RecordedUnit};
 use super::value::{self, CellValue};
 use crate::{ClassSpan, Interpolation, NamedSignal, Warning, shown};
 use greybox_numerics::parsing::Fault;
+use negative::{NegativeForm, Negatives};
 
 /// What loggers write where they have no value. A value is told as a likely one when it is far
 /// from all others.
@@ -62,6 +65,7 @@ pub(super) struct SignalColumn {
     bools: usize,
     words: Words,
     declared_missing: usize,
+    negatives: Negatives,
     /// Texts that are no numbers: all of a column of text, faults in one of numbers.
     texts: usize,
     /// Whether some of the texts are numbers where their comma or point is another one.
@@ -141,6 +145,7 @@ impl SignalColumn {
             bools: 0,
             words: Words::default(),
             declared_missing: 0,
+            negatives: Negatives::default(),
             texts: 0,
             has_commas: false,
             faults: ReadingFaults::default(),
@@ -189,6 +194,9 @@ impl SignalColumn {
                 self.words.take(cell);
                 f64::NAN
             }
+            CellValue::Number(number) if number < 0.0 => {
+                self.signed(number, NegativeForm::Minus, place)
+            }
             CellValue::Number(number) => self.number(number, place),
             CellValue::Empty => f64::NAN,
             CellValue::Bool(value) => {
@@ -203,22 +211,35 @@ impl SignalColumn {
                 self.declared_missing += 1;
                 f64::NAN
             }
-            CellValue::Text => match self.measured(cell, options) {
-                Some(Ok(number)) => self.number(number, place),
-                Some(Err(detail)) => {
-                    self.faults.invalid(place("units_differ", detail));
-                    f64::NAN
+            CellValue::Text => self.text(cell, options, place),
+        }
+    }
+
+    /// The value in a text that is no plain number.
+    fn text(
+        &mut self,
+        cell: &Cell<'_>,
+        options: &Options,
+        place: impl FnOnce(&'static str, String) -> Fault,
+    ) -> f64 {
+        if let Some((number, form)) = negative(cell, options) {
+            return self.signed(number, form, place);
+        }
+        match self.measured(cell, options) {
+            Some(Ok(number)) => self.number(number, place),
+            Some(Err(detail)) => {
+                self.faults.invalid(place("units_differ", detail));
+                f64::NAN
+            }
+            None => {
+                self.texts += 1;
+                self.has_commas |= has_comma(cell);
+                if !self.ignored {
+                    self.faults
+                        .invalid(place("not_a_number", not_a_number(cell)));
                 }
-                None => {
-                    self.texts += 1;
-                    self.has_commas |= has_comma(cell);
-                    if !self.ignored {
-                        self.faults
-                            .invalid(place("not_a_number", not_a_number(cell)));
-                    }
-                    f64::NAN
-                }
-            },
+                f64::NAN
+            }
         }
     }
 
@@ -240,6 +261,24 @@ impl SignalColumn {
         };
         let detail = || format!("`{unit}` where the samples before are {before}; write one unit");
         Some(is_same.then_some(number).ok_or_else(detail))
+    }
+
+    /// Takes a negative number that is written in a form.
+    fn signed(
+        &mut self,
+        number: f64,
+        form: NegativeForm,
+        place: impl FnOnce(&'static str, String) -> Fault,
+    ) -> f64 {
+        if self.negatives.take(form) || self.ignored {
+            return self.number(number, place);
+        }
+        self.numbers += 1;
+        let detail = "negative numbers stand in parentheses, have a minus behind them or one before them: write all \
+                      of a column one way";
+        self.faults
+            .invalid(place("signs_differ", detail.to_owned()));
+        f64::NAN
     }
 
     fn number(&mut self, number: f64, place: impl FnOnce(&'static str, String) -> Fault) -> f64 {
@@ -266,7 +305,13 @@ impl SignalColumn {
 
     /// Whether there is anything but text in it.
     pub(super) fn is_signal(&self) -> bool {
-        !self.ignored && (self.texts == 0 || self.numbers > 0 || self.has_commas)
+        let has_numbers = self.numbers > self.negatives.without_minus() || self.has_commas;
+        !self.ignored && (self.texts == 0 || has_numbers)
+    }
+
+    /// The first text that is no number, as a fault.
+    pub(super) fn first_text(&self) -> Option<&Fault> {
+        self.faults.first()
     }
 
     /// The signal of these samples, which the `column` of a received recording holds.
@@ -314,6 +359,9 @@ impl SignalColumn {
         }
         if !self.unit.remark.is_empty() {
             notes.push(note("unit_remark", self.unit.remark.to_owned()));
+        }
+        if let Some(detail) = self.negatives.assumption() {
+            notes.push(note("negative_numbers", detail));
         }
         if self.words.count > 0 {
             let (count, words) = (self.words.count, self.words.listed());
@@ -365,12 +413,24 @@ impl SignalColumn {
     }
 }
 
+/// The negative number in a cell that has no minus before it.
+fn negative(cell: &Cell<'_>, options: &Options) -> Option<(f64, NegativeForm)> {
+    let Cell::Text(text) = cell else {
+        return None;
+    };
+    negative::number(text.trim(), options.decimal)
+}
+
 /// Whether a text is a number by some separator of its fraction.
 fn has_comma(cell: &Cell<'_>) -> bool {
     let Cell::Text(text) = cell else {
         return false;
     };
-    let is_number = |decimal| value::number(text.trim(), Some(decimal)).is_some();
+    let text = text.trim();
+    let is_number = |decimal| {
+        value::number(text, Some(decimal)).is_some()
+            || negative::number(text, Some(decimal)).is_some()
+    };
     is_number(Decimal::Comma) || is_number(Decimal::Point)
 }
 
@@ -382,11 +442,13 @@ fn not_a_number(cell: &Cell<'_>) -> String {
         };
         return format!("expected a number, found {kind}");
     };
-    let advice = match text.contains(',') {
-        true => {
-            "; its comma may stand before a fraction or between thousands: say decimal=, or decimal=."
-        }
-        false => "",
+    let has_points = || value::number(text.trim(), Some(Decimal::Comma)).is_some();
+    let advice = if text.contains(',') {
+        "; its comma may stand before a fraction or between thousands: say decimal=, or decimal=."
+    } else if has_points() {
+        "; its points may stand between thousands: say decimal=,"
+    } else {
+        ""
     };
     let text = excerpt(text.trim());
     // A word is a value that is missing more often than a number that is written wrong.

@@ -117,6 +117,11 @@ impl ReadingFaults {
         self.kept.len() >= MAX_FAULTS
     }
 
+    /// The first fault.
+    pub(super) fn first(&self) -> Option<&Fault> {
+        self.kept.first().map(|group| &group.fault)
+    }
+
     pub(super) fn is_empty(&self) -> bool {
         self.kept.is_empty()
     }
@@ -174,6 +179,19 @@ pub(super) fn at_line(
 pub(super) fn at_pointer(pointer: String, code: &'static str, detail: impl fmt::Display) -> Fault {
     let detail = format!("`{pointer}`: {detail}");
     Fault::new(pointer, code, detail)
+}
+
+/// The fault of a source without numbers, at the first text where a number was expected.
+pub(super) fn no_signals(detail: &str, text: Option<&Fault>) -> Fault {
+    let code = "no_signals";
+    match text {
+        Some(text) => Fault {
+            code: code.into(),
+            detail: format!("{detail}: {}", text.detail).into(),
+            ..text.clone()
+        },
+        None => Fault::of_whole(code, detail),
+    }
 }
 
 /// An error of one fault in the form of the text.

@@ -26,6 +26,7 @@ pub mod json;
 mod layout;
 pub mod lines;
 mod memory;
+mod offset;
 pub mod omf;
 mod options;
 mod order;

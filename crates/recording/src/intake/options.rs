@@ -5,11 +5,11 @@ use super::error::{ReadError, ReadingFaults};
 use super::format::Format;
 use super::quality::Scheme;
 use super::table_options::TableOptions;
-use super::{encoding, table_options, units};
+use super::{encoding, offset, table_options, units};
 use crate::{Interpolation, MIN_SAMPLES, RecordingSource, TimeAxis, Warning};
 use greybox_numerics::parsing::Fault;
 use greybox_numerics::parsing::reader::did_you_mean;
-use jiff::tz::TimeZone;
+use jiff::tz::{Offset, TimeZone};
 use std::collections::BTreeMap;
 
 /// What the text itself does not say.
@@ -156,7 +156,7 @@ impl Options {
                 return Ok(());
             }
             "format" => self.format = Some(Format::named(text)?),
-            "tz" => self.zone = Some((text.to_owned(), zone(text)?)),
+            "tz" => self.zone = Some(zone(text)?),
             "time_unit" => self.time_unit = Some(time_unit(text)?),
             "decimal" => self.decimal = Some(decimal(text)?),
             "encoding" => {
@@ -283,10 +283,21 @@ impl Options {
     }
 }
 
-fn zone(text: &str) -> Result<TimeZone, String> {
-    TimeZone::get(text).map_err(|_| {
-        format!("`{text}` is no time zone of the IANA database, such as Europe/Berlin or UTC")
-    })
+/// The name of a time zone with the zone: one of the IANA database, or an offset from UTC.
+fn zone(text: &str) -> Result<(String, TimeZone), String> {
+    // A plus that stands in a query as it is arrives as a blank.
+    let ahead = offset::seconds(&text.replacen(' ', "+", 1));
+    if let Some(seconds) = ahead
+        && let Ok(ahead) = Offset::from_seconds(seconds)
+    {
+        return Ok((offset::written(seconds), TimeZone::fixed(ahead)));
+    }
+    let zone = TimeZone::get(text).map_err(|_| {
+        format!(
+            "`{text}` is no time zone of the IANA database, such as Europe/Berlin or UTC, nor an offset such as +01:00"
+        )
+    })?;
+    Ok((text.to_owned(), zone))
 }
 
 fn time_unit(text: &str) -> Result<TimeUnit, String> {
@@ -416,6 +427,20 @@ mod tests {
         let held = with("interpolation", "u:hold").unwrap();
         assert_eq!(held.interpolation_of("u"), Some(Interpolation::Hold));
         assert_eq!(held.interpolation_of("y"), None);
+    }
+
+    #[test]
+    fn a_zone_may_be_an_offset() {
+        for (text, name) in [
+            ("+01:00", "+01:00"),
+            (" 01:00", "+01:00"),
+            ("-0500", "-05:00"),
+            ("Etc/GMT-1", "Etc/GMT-1"),
+        ] {
+            let (zone, _) = with("tz", text).unwrap().zone.unwrap();
+            assert_eq!(zone, name);
+        }
+        assert!(with("tz", "GMT+1").is_err(), "programs differ in its sign");
     }
 
     #[test]

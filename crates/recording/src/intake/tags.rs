@@ -6,7 +6,7 @@
 use super::cell::Cell;
 use super::clock::Clock;
 use super::column::SignalColumn;
-use super::error::{ReadError, ReadingFaults};
+use super::error::{ReadError, ReadingFaults, no_signals};
 use super::memory::Memory;
 use super::options::{GridOption, Options, ReadingPurpose};
 use super::order::CoarseTimes;
@@ -260,12 +260,13 @@ impl<'o> Tags<'o> {
             self.faults.extend(faults);
             self.notes.extend(tag.column.notes());
         }
+        let texts = self.tags.iter().find_map(|tag| tag.column.first_text());
+        let no_signals = no_signals("there is no signal with a number in it", texts);
         self.tags
             .retain(|tag| tag.column.is_signal() && !tag.instants.is_empty());
         self.check_names();
         if self.tags.is_empty() && self.faults.is_empty() {
-            let detail = "there is no signal with a number in it".to_owned();
-            self.faults.invalid(Fault::of_whole("no_signals", detail));
+            self.faults.invalid(no_signals);
         }
         std::mem::take(&mut self.faults).result()?;
         let first = self.order();

@@ -112,8 +112,8 @@ fn torque(text: &str) -> Option<RecordedUnit> {
 /// The unit of time that `text` names.
 #[must_use]
 pub fn parse_time(text: &str) -> Option<RecordedUnit> {
-    let unit = if text.is_empty() { "s" } else { text };
-    parse(unit).filter(|unit| unit.si == "s")
+    let of_time = |unit: &str| parse(unit).filter(|unit| unit.si == "s");
+    of_time(text).or_else(|| of_time(spelled::time(text)?))
 }
 
 /// The remedy for a unit of a recording that is not known.

@@ -1,8 +1,11 @@
 //! What a cell is where a value is looked for.
 
+mod spelling;
+
 use super::cell::Cell;
 use super::options::{Decimal, Missing, Options};
 use super::units;
+pub(super) use spelling::is_in_thousands;
 
 /// What a cell is where a value is looked for.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -98,8 +101,13 @@ impl CellValue {
     }
 }
 
-/// The number that a text is. Points and commas that are not those of fractions stand between thousands.
+/// The number that a text is, in any spelling that has one meaning.
 pub(super) fn number(text: &str, decimal: Option<Decimal>) -> Option<f64> {
+    plain_number(text, decimal).or_else(|| plain_number(&spelling::plain(text)?, decimal))
+}
+
+/// The number that a text of ASCII is. Points and commas that are not those of fractions stand between thousands.
+fn plain_number(text: &str, decimal: Option<Decimal>) -> Option<f64> {
     let (fraction, thousands, is_plain) = match decimal {
         Some(Decimal::Comma) => (',', '.', !text.contains(['.', ','])),
         _ => ('.', ',', !text.contains(',')),
@@ -117,22 +125,100 @@ pub(super) fn number(text: &str, decimal: Option<Decimal>) -> Option<f64> {
     is_sound.then(plain)?.parse().ok()
 }
 
-/// Whether separators stand between the thousands of a whole number: `1.052`, `12.345.678`.
-pub(super) fn is_in_thousands(text: &str, separator: char) -> bool {
-    let mut groups = text.trim_start_matches(['-', '+']).split(separator);
-    let is_of_digits = |group: &str| group.bytes().all(|digit| digit.is_ascii_digit());
-    let first = groups.next().unwrap_or_default();
-    let begins = (1..=3).contains(&first.len()) && !first.starts_with('0') && is_of_digits(first);
-    let mut rest = groups.peekable();
-    begins && rest.peek().is_some() && rest.all(|group| group.len() == 3 && is_of_digits(group))
-}
-
 /// A number and the unit behind it, as in `5.2 bar`, `45%` and `20°C`.
 pub(super) fn with_unit(text: &str) -> Option<(&str, &str)> {
-    let (number, unit) = text.split_at(text.find([' ', '%', '°'])?);
-    let unit = unit.trim();
     let is_digit = |c: char| c.is_ascii_digit();
-    let is_number = number.trim_start_matches(['-', '+']).starts_with(is_digit)
-        && number.trim_end_matches(['.', ',']).ends_with(is_digit);
-    (is_number && !unit.is_empty() && units::parse(unit).is_some()).then_some((number, unit))
+    let is_measured = |(number, unit): &(&str, &str)| {
+        let is_number = number.trim_start_matches(['-', '+']).starts_with(is_digit)
+            && number.trim_end_matches(['.', ',']).ends_with(is_digit);
+        is_number && !unit.is_empty() && units::parse(unit).is_some()
+    };
+    let ends = text.match_indices([' ', '\u{a0}', '\u{202f}', '%', '°']);
+    let mut pairs = ends.map(|(end, _)| text.split_at(end));
+    pairs.find_map(|(number, unit)| Some((number, unit.trim())).filter(is_measured))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn both(text: &str) -> (Option<f64>, Option<f64>) {
+        let read = |decimal| number(text, Some(decimal));
+        (read(Decimal::Point), read(Decimal::Comma))
+    }
+
+    #[test]
+    fn a_spelling_of_one_meaning_is_the_number() {
+        for (text, expected) in [
+            ("\u{2212}1.5", -1.5),
+            ("+ 61.5", 61.5),
+            ("-  60", -60.0),
+            ("=\"1.5\"", 1.5),
+            ("'1.5", 1.5),
+            ("1.452 E+03", 1452.0),
+            ("1.452×10^3", 1452.0),
+            ("1.5 x 10^-3", 0.0015),
+            ("1.5·10⁻³", 0.0015),
+            ("1.0D-01", 0.1),
+            ("-2.5d+00", -2.5),
+            ("1_452", 1452.0),
+            ("1 452 000", 1_452_000.0),
+            ("1\u{202f}452.5", 1452.5),
+            ("1\u{a0}452", 1452.0),
+            ("-1'452.25", -1452.25),
+            ("1’452", 1452.0),
+            ("１．５", 1.5),
+            ("－１２", -12.0),
+            ("٣.٥", 3.5),
+        ] {
+            assert_eq!(number(text, None), Some(expected), "{text}");
+            assert_eq!(number(text, Some(Decimal::Point)), Some(expected), "{text}");
+        }
+        assert_eq!(both("1 452,5"), (None, Some(1452.5)));
+        assert_eq!(both("1 452,500"), (None, Some(1452.5)));
+        assert_eq!(both("−1,0e-03"), (None, Some(-0.001)));
+        assert_eq!(both("1 452.500"), (Some(1452.5), None));
+    }
+
+    #[test]
+    fn a_spelling_of_no_meaning_or_of_two_is_no_number() {
+        for text in [
+            "1 45",
+            "0 452",
+            "1452 000",
+            "1 452'000",
+            "1 452.123 456",
+            "1__452",
+            "_452",
+            "0'123",
+            "+-1",
+            "- -1",
+            "1.5e",
+            "1.5×103",
+            "5²",
+            "1D5",
+            "0x1D",
+            "=\"inf\"",
+            "'",
+            "",
+            "-",
+            "1.5 E +03",
+            "(1.5)",
+            "1.5-",
+            "14,52,000",
+            "20260302 081500",
+            "1 452 rpm",
+            "٫",
+        ] {
+            assert_eq!(both(text), (None, None), "{text}");
+        }
+    }
+
+    #[test]
+    fn a_unit_stands_behind_a_number_in_thousands_too() {
+        assert_eq!(with_unit("1 452,5 rpm"), Some(("1 452,5", "rpm")));
+        assert_eq!(with_unit("5.2\u{a0}bar"), Some(("5.2", "bar")));
+        assert_eq!(with_unit("45%"), Some(("45", "%")));
+        assert_eq!(with_unit("5 bars of it"), None);
+    }
 }

@@ -210,3 +210,55 @@ fn a_unit_that_is_no_time_is_refused() {
         Err("unknown_unit")
     );
 }
+
+#[test]
+fn numbers_that_are_a_date_of_digits_are_told_to_be_one() {
+    let mut zoned = clock("time", "", &[("tz", "Europe/Berlin")]);
+    assert_eq!(read(&mut zoned, "20260302081540"), Ok(0.0));
+    assert_eq!(read(&mut zoned, "20260302081600"), Ok(20.0));
+    assert_eq!(
+        zoned.read(&Cell::Integer(20_260_302_081_700), None),
+        Ok(80.0)
+    );
+    assert_eq!(read(&mut zoned, "20260302081660"), Err("not_a_time"));
+    assert_eq!(start(&zoned), "2026-03-02T07:15:40Z");
+    assert_eq!(zoned.notes()[0].code, "time_unit_from_size");
+    let mut unzoned = clock("ts", "", &[]);
+    assert_eq!(read(&mut unzoned, "20260302081540"), Err("no_offset"));
+    for (unit, option) in [("ms", &[][..]), ("", &[("time_unit", "ms")])] {
+        let mut counted = clock("time", unit, option);
+        assert_eq!(read(&mut counted, "20260302081540"), Ok(0.0));
+        assert_eq!(read(&mut counted, "20260302081600"), Ok(0.06));
+    }
+    let mut thirteenth_month = clock("ts", "", &[]);
+    assert_eq!(
+        read(&mut thirteenth_month, "20261302081540"),
+        Err("time_unit_needed")
+    );
+}
+
+#[test]
+fn times_with_a_unit_of_their_own_are_read_where_no_other_stands_in_the_title() {
+    let mut durations = clock("Time", "", &[]);
+    assert_eq!(read(&mut durations, "500 ms"), Ok(0.0));
+    assert_eq!(read(&mut durations, "1 sec"), Ok(0.5));
+    assert_eq!(read(&mut durations, "2"), Err("not_a_time"));
+    assert!(durations.notes().is_empty());
+    assert_eq!(read(&mut clock("t", "s", &[]), "1.5 s"), Ok(0.0));
+    assert_eq!(
+        read(&mut clock("t", "ms", &[]), "1.5 s"),
+        Err("unknown_unit")
+    );
+    let mut clocks = clock("Time", "", &[]);
+    assert_eq!(read(&mut clocks, "00:59.5"), Ok(0.0));
+    assert_eq!(read(&mut clocks, "01:00.0"), Ok(0.5));
+    assert_eq!(clocks.notes()[0].code, "times_without_date");
+}
+
+#[test]
+fn a_zone_may_be_an_offset() {
+    let mut clock = clock("t", "", &[("tz", "-05:30")]);
+    assert_eq!(read(&mut clock, "02.03.2026 08:15:00"), Ok(0.0));
+    assert_eq!(start(&clock), "2026-03-02T13:45:00Z");
+    assert_eq!(clock.zone().as_deref(), Some("-05:30"));
+}

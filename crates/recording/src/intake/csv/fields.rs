@@ -19,18 +19,19 @@ pub(super) fn is_called_time(title: &str) -> bool {
 }
 
 /// The name and the unit in the title of the time column, whose name may end with a unit of time: `t_s`,
-/// `elapsed_min`.
+/// `elapsed_min`, `time (seconds)`.
 pub(in crate::intake) fn time_name_and_unit(title: &str) -> (&str, &str) {
     let (name, unit) = units::name_and_unit(title);
     if !unit.is_empty() {
         return (name, unit);
     }
-    match title.rsplit_once('_') {
-        Some((name, unit))
-            if !name.is_empty() && !unit.is_empty() && units::parse_time(unit).is_some() =>
-        {
-            (title, unit)
-        }
+    let is_unit = |unit: &str| !unit.is_empty() && units::parse_time(unit).is_some();
+    let in_parentheses = title
+        .strip_suffix(')')
+        .and_then(|title| title.split_once('('));
+    match (in_parentheses, title.rsplit_once('_')) {
+        (Some((name, unit)), _) if is_unit(unit) => (name.trim_end(), unit),
+        (_, Some((name, unit))) if !name.is_empty() && is_unit(unit) => (title, unit),
         _ => (title, ""),
     }
 }

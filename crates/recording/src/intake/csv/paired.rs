@@ -24,7 +24,7 @@ const QUALITIES: [&str; 13] = [
     "isvalid",
     "valid",
     "validity",
-    "quality code",
+    "qualitycode",
     "quality",
     "qual",
     "status",
@@ -117,7 +117,9 @@ impl PairedColumns {
 }
 
 fn is_quality_title(title: &str) -> bool {
-    QUALITIES.contains(&title.trim().to_lowercase().as_str())
+    let letters = title.chars().filter(|letter| letter.is_alphanumeric());
+    let plain: String = letters.flat_map(char::to_lowercase).collect();
+    QUALITIES.contains(&plain.as_str())
 }
 
 /// Whether a column has nothing but codes or words of quality.

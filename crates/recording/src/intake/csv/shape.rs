@@ -12,21 +12,8 @@ use ::csv::ByteRecord;
 use greybox_numerics::parsing::Fault;
 
 /// Titles of columns that number the rows, in small letters.
-const NUMBERING: [&str; 14] = [
-    "",
-    "unnamed: 0",
-    "#",
-    "no",
-    "no.",
-    "nr",
-    "nr.",
-    "number",
-    "index",
-    "row",
-    "record",
-    "scan",
-    "sample",
-    "id",
+const NUMBERING: [&str; 13] = [
+    "", "#", "no", "no.", "nr", "nr.", "number", "index", "row", "record", "scan", "sample", "id",
 ];
 
 /// How the rows of a text become those of a table with one row of titles.
@@ -40,7 +27,8 @@ pub(super) struct Shape {
     width: usize,
     /// The index of the row of units among them.
     units: Option<usize>,
-    numbers_rows: bool,
+    /// How many columns before all others count the rows.
+    counters: usize,
     time: Option<SplitTime>,
     /// How many columns hold numbers or times; none where the rows describe themselves.
     columns: usize,
@@ -82,7 +70,8 @@ impl Shape {
         let end = header.max(units).map_or(0, |last| last + 1);
         let first = top.first_data(end);
         // What stands below the titles and is no row of units is a row of the table, right or wrong.
-        let mut below_titles = (end..first).filter(|k| header.is_some() && top.has_data(*k));
+        let mut below_titles =
+            (end..first).filter(|k| header.is_some() && top.has_data(*k) && !top.is_comment(*k));
         let end = below_titles.next().unwrap_or(first);
         let below = top.rows.get(end..)?;
         let width = below.iter().map(Vec::len).max().unwrap_or(0);
@@ -105,7 +94,7 @@ impl Shape {
             header,
             width,
             units,
-            numbers_rows: numbers_rows(&titles, below),
+            counters: counters(&titles, below),
             time: SplitTime::of(&titles, below),
             columns: top.data.len(),
             rivals: rivals.into_iter().map(|k| line_of(&records[k])).collect(),
@@ -142,7 +131,7 @@ impl Shape {
     /// Makes a row of the text one of the table.
     pub(super) fn fit(&self, record: &mut ByteRecord) {
         let time = self.time.as_ref().map(|time| time.text(record));
-        if time.is_some() || self.numbers_rows {
+        if time.is_some() || self.counters > 0 {
             *record = self.row(record, &time.unwrap_or_default());
         }
     }
@@ -183,7 +172,7 @@ impl Shape {
         let mut row = ByteRecord::new();
         for (k, field) in record.iter().enumerate() {
             match &self.time {
-                _ if k == 0 && self.numbers_rows => {}
+                _ if k < self.counters => {}
                 Some(split) if split.first() == k => row.push_field(time),
                 Some(split) if split.has(k) => {}
                 _ => row.push_field(field),
@@ -223,7 +212,7 @@ impl Shape {
                 .time
                 .as_ref()
                 .is_some_and(|time| time.has(k) && time.first() != k);
-            is_joined || k == 0 && self.numbers_rows
+            is_joined || k < self.counters
         };
         (!is_left_out(column)).then(|| (0..column).filter(|k| !is_left_out(*k)).count())
     }
@@ -294,13 +283,10 @@ impl Shape {
                 format!("{} together are the time", titles.join(" and ")),
             )
         });
-        let numbers = || {
-            note(
-                "row_numbers",
-                "the first column numbers the rows and was left out".to_owned(),
-            )
-        };
-        let numbers = self.numbers_rows.then(numbers).flatten();
+        let numbers = (self.counters > 0).then(|| {
+            let detail = "the first column numbers the rows and was left out";
+            note("row_numbers", detail.to_owned())
+        });
         let surplus = self.surplus.iter().find(|title| !title.is_empty());
         let surplus = surplus.and_then(|title| {
             let (count, title) = (self.surplus.len(), excerpt(title));
@@ -314,10 +300,17 @@ impl Shape {
                 "no line has titles: the columns are called `column_1`, `column_2` and so on";
             note("no_titles", detail.to_owned())
         });
-        [skipped, titles.flatten(), units, surplus, time, numbers]
-            .into_iter()
-            .flatten()
-            .collect()
+        [
+            skipped,
+            titles.flatten(),
+            units,
+            surplus,
+            time,
+            numbers.flatten(),
+        ]
+        .into_iter()
+        .flatten()
+        .collect()
     }
 }
 
@@ -377,14 +370,20 @@ fn title_unit(title: &str) -> &str {
     }
 }
 
-/// Whether the first column counts the rows, and the second is a time by its title or by what stands in it.
-fn numbers_rows(titles: &[String], below: &[Vec<String>]) -> bool {
-    let is_numbering = |title: &String| NUMBERING.contains(&title.to_lowercase().as_str());
-    let filled = below.iter().filter(|row| !row.is_empty());
-    let mut second = below.iter().filter_map(|row| row.get(1));
-    let are_stamps = second.all(|field| stamp::is_one(field) || stamp::is_date(field));
+/// How many columns count the rows before one that is the time by its title or by what stands in it.
+fn counters(titles: &[String], below: &[Vec<String>]) -> usize {
+    let filled = || below.iter().filter(|row| !row.is_empty());
+    let counts = |column: &usize| {
+        let title = titles[*column].to_lowercase();
+        let is_numbering = NUMBERING.contains(&title.as_str()) || title.starts_with("unnamed: ");
+        is_numbering && count_up(filled().map(|row| row.get(*column)))
+    };
+    let count = (0..titles.len()).take_while(counts).count();
+    let mut fields = below.iter().filter_map(|row| row.get(count));
+    let are_stamps = fields.all(|field| stamp::is_one(field) || stamp::is_date(field));
     let is_time = |title: &String| is_called_time(title) || are_stamps;
-    titles.first().is_some_and(is_numbering)
-        && titles.get(1).is_some_and(is_time)
-        && count_up(filled.map(|row| row.first()))
+    match titles.get(count).is_some_and(is_time) {
+        true => count,
+        false => 0,
+    }
 }

@@ -125,11 +125,14 @@ impl Sniff {
             return Fractions::Point;
         }
         let is_comma = |field: String| {
-            let fraction = field.split_once(',').map(|(_, fraction)| fraction);
             let is_number = value::number(&field, Some(Decimal::Comma)).is_some();
-            // `1,234` may be a thousand and more.
-            let is_clear = |fraction: &str| fraction.len() != 3 || field.starts_with("0,");
-            is_number && fraction.is_some_and(is_clear)
+            // `1,234` may be a thousand and more; behind a thousand a comma stands before a fraction.
+            let is_large =
+                |whole: &str| value::number(whole, None).is_some_and(|whole| whole.abs() >= 1e3);
+            let is_clear = |(whole, fraction): (&str, &str)| {
+                fraction.len() != 3 || whole == "0" || is_large(whole)
+            };
+            is_number && field.split_once(',').is_some_and(is_clear)
         };
         if fields().any(is_comma) {
             return Fractions::Comma;

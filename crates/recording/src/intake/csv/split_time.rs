@@ -5,10 +5,11 @@ use super::fields::is_called_time;
 use ::csv::ByteRecord;
 
 /// Titles of columns of milliseconds, in small letters.
-const MILLISECONDS: [&str; 7] = [
+const MILLISECONDS: [&str; 8] = [
     "ms",
     "msec",
     "millis",
+    "millitm",
     "millisec",
     "millisecond",
     "milliseconds",

@@ -4,7 +4,7 @@
 use super::super::cell::Cell;
 use super::super::clock::Clock;
 use super::super::column::SignalColumn;
-use super::super::error::{ReadError, ReadingFaults, at_line};
+use super::super::error::{ReadError, ReadingFaults, at_line, no_signals};
 use super::super::options::{Options, ReadingPurpose};
 use super::super::order::{CoarseTimes, MOST_TIMES_USUAL, TimeOrder};
 use super::below::RowsBelow;
@@ -355,8 +355,9 @@ impl<'o> CsvTable<'o> {
             self.faults.extend(column.faults());
         }
         if n_signals == 0 && self.faults.is_empty() {
-            let detail = "no column but the time has a number in it".to_owned();
-            self.faults.invalid(Fault::of_whole("no_signals", detail));
+            let text = self.columns.iter().find_map(SignalColumn::first_text);
+            let fault = no_signals("no column but the time has a number in it", text);
+            self.faults.invalid(fault);
         } else if self.faults.is_empty()
             && self.options.purpose == ReadingPurpose::Recording
             && self.duplicates > samples

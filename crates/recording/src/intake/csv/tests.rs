@@ -1,6 +1,7 @@
 //! Whole texts, as plants and spreadsheets write them.
 
 mod layouts;
+mod spellings;
 mod told_layouts;
 mod untidy;
 

@@ -3,6 +3,38 @@
 /// A foot-pound-force `[N·m]`: 0.3048 m · 0.453 592 37 kg · 9.806 65 m/s².
 const FOOT_POUND: f64 = 0.3048 * 0.453_592_37 * 9.806_65;
 
+/// The unit of a time by a word for it, in any case: `seconds`, `second(s)`, `sec.`, `Sek`; a second without a word.
+pub(super) fn time(word: &str) -> Option<&'static str> {
+    const WORDS: [(&str, &str); 7] = [
+        ("s", "s sec secs second seconds sek sekunde sekunden"),
+        (
+            "ms",
+            "ms msec msecs millisec millis millisecond milliseconds millisekunde millisekunden",
+        ),
+        (
+            "us",
+            "us µs μs usec usecs µsec microsecond microseconds mikrosekunde mikrosekunden",
+        ),
+        (
+            "ns",
+            "ns nsec nsecs nanosecond nanoseconds nanosekunde nanosekunden",
+        ),
+        ("min", "min mins minute minutes minuten"),
+        ("h", "h hr hrs hour hours std stunde stunden"),
+        ("d", "d day days tag tage"),
+    ];
+    if word.is_empty() {
+        return Some("s");
+    }
+    let word = word
+        .trim_end_matches('.')
+        .replace("(s)", "s")
+        .to_lowercase();
+    let is_in = |names: &str| names.split(' ').any(|name| name == word);
+    let unit = WORDS.iter().find(|(_, names)| is_in(names));
+    unit.map(|(unit, _)| *unit)
+}
+
 /// A torque in pounds and feet or inches, which the letters make a mass by a length `[N·m]`.
 pub(super) fn torque(text: &str) -> Option<f64> {
     let is_sign = |sign: char| " ·⋅*-.".contains(sign);

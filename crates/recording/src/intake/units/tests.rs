@@ -156,3 +156,27 @@ fn only_units_of_time_are_times_and_none_means_seconds() {
     assert!(parse_time("mm").is_none());
     assert!(parse("parsec").is_none());
 }
+
+#[test]
+fn words_are_units_of_a_time() {
+    for (word, seconds) in [
+        ("second(s)", 1.0),
+        ("Second", 1.0),
+        ("sec.", 1.0),
+        ("Sek", 1.0),
+        ("S", 1.0),
+        ("msec", 1e-3),
+        ("usec", 1e-6),
+        ("minutes", 60.0),
+        ("Stunden", 3600.0),
+        ("hours", 3600.0),
+        ("days", 86_400.0),
+    ] {
+        let unit = parse_time(word).unwrap_or_else(|| panic!("{word}"));
+        assert_eq!((unit.factor, &*unit.si), (seconds, "s"), "{word}");
+    }
+    for word in ["m", "M", "secondary", "daily", "."] {
+        assert_eq!(parse_time(word), None, "{word}");
+    }
+    assert_eq!(parse("hours"), None, "a signal has units of its own");
+}

@@ -371,7 +371,7 @@ fn units_of_many_trades_are_known() {
 }
 
 /// Fields of which layouts are made.
-const FIELDS: [&str; 20] = [
+const FIELDS: [&str; 24] = [
     "",
     "Time",
     "Date",
@@ -391,6 +391,10 @@ const FIELDS: [&str; 20] = [
     "02.03.2026 08:15:00",
     "08:15:00",
     "0 days 00:00:01",
+    "1 452.5",
+    "(1.5)",
+    "20260302081500",
+    "PT0.5S",
     "PT [bar]",
 ];
 
