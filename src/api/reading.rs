@@ -32,7 +32,7 @@ pub struct ReadingQuery {
     /// `pandas_records`, `pandas_split`, `pandas_table`, `excel`, `parquet` or `json`.
     #[param(schema_with = formats)]
     pub format: Option<String>,
-    /// The zone of times without an offset, by its IANA name.
+    /// The zone of times without an offset, by its IANA name, or their offset, such as `+01:00`.
     #[param(example = "Europe/Berlin")]
     pub tz: Option<String>,
     /// What numbers of time are: a unit (`ms`), the sample time of a counter (`10ms`), serial days
@@ -55,7 +55,7 @@ pub struct ReadingQuery {
     /// New names of signals, `old:new` separated by commas, or as a JSON object.
     pub rename: Option<String>,
     /// What codes of quality mean: `opc_da`, `opc_ua`, `aveva_quality`, `aveva_quality_detail`,
-    /// `ignition`, `ignition_legacy`, `cognite` or `words`.
+    /// `ignition`, `ignition_legacy`, `cognite`, `is_good` (1 good, 0 bad) or `words`.
     #[param(schema_with = quality_schemes)]
     pub quality_scheme: Option<String>,
     /// How signals go on between samples: `hold` or `linear`, or `name:hold` separated by commas.

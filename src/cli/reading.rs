@@ -17,7 +17,7 @@ pub struct Reading {
     #[arg(long)]
     format: Option<String>,
 
-    /// The zone of times without an offset, such as `Europe/Berlin`
+    /// The zone of times without an offset, such as `Europe/Berlin` or `+01:00`
     #[arg(long)]
     tz: Option<String>,
 

@@ -5,6 +5,7 @@ mod negative;
 use super::cell::Cell;
 use super::error::{ReadingFaults, excerpt};
 use super::options::{Decimal, Options, ReadingPurpose};
+use super::title;
 use super::units::{self, RecordedUnit};
 use super::value::{self, CellValue};
 use crate::{ClassSpan, Interpolation, NamedSignal, Warning, shown};
@@ -13,7 +14,10 @@ use negative::{NegativeForm, Negatives};
 
 /// What loggers write where they have no value. A value is told as a likely one when it is far
 /// from all others.
-const SENTINELS: [f64; 24] = [
+const SENTINELS: [f64; 27] = [
+    -7999.0,
+    7999.0,
+    -6999.0,
     -9999.0,
     9999.0,
     -999.0,
@@ -112,7 +116,7 @@ impl Words {
 impl SignalColumn {
     /// The signal that a title names, e.g. `position [mm]`. A unit that is not known is a fault.
     pub(super) fn titled(title: &str, options: &Options) -> Result<Self, Box<(Self, String)>> {
-        let (name, unit) = units::name_and_unit(title);
+        let (name, unit) = title::name_and_unit(title);
         let unit_from_name = !unit.is_empty() && name == title;
         let mut column = Self::named(name, options);
         let given_unit = options.units.get(name).map(String::as_str);
@@ -297,7 +301,10 @@ impl SignalColumn {
         }
         let value = self.unit.to_si(number);
         if !value.is_finite() && !self.ignored {
-            let detail = format!("`{number}` is not a finite number in {}", self.unit.si);
+            let detail = format!(
+                "`{number}` is not a finite number in {}; where it stands for a missing sample, say missing={number}",
+                self.unit.si
+            );
             self.faults.invalid(place("not_finite", detail));
         }
         value

@@ -35,6 +35,7 @@ pub mod spread;
 mod stamp;
 mod table_options;
 mod tags;
+mod title;
 pub mod units;
 mod value;
 

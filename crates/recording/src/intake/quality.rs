@@ -9,6 +9,7 @@
 //! | `ignition` (8 and later) | 0 and 192 to 255, the low 16 bits | top bits 01 | top bits 10 |
 //! | `ignition_legacy` (stored history) | 192 | 64 to 127 | all others |
 //! | `cognite` | 0 | top bits 01 | top bits 10 |
+//! | `is_good` | 1, yes | | 0, no |
 //! | `words` | good …, ok, true | uncertain …, questionable, doubtful | bad …, not good, invalid, false |
 //!
 //! A 0 is bad in one and good in another: where the format does not settle the scheme it is asked
@@ -27,10 +28,11 @@ pub(super) enum Scheme {
     Ignition,
     IgnitionLegacy,
     Cognite,
+    IsGood,
     Words,
 }
 
-const NAMES: [(&str, Scheme); 8] = [
+const NAMES: [(&str, Scheme); 9] = [
     ("opc_da", Scheme::OpcDa),
     ("opc_ua", Scheme::OpcUa),
     ("aveva_quality", Scheme::AvevaQuality),
@@ -38,6 +40,7 @@ const NAMES: [(&str, Scheme); 8] = [
     ("ignition", Scheme::Ignition),
     ("ignition_legacy", Scheme::IgnitionLegacy),
     ("cognite", Scheme::Cognite),
+    ("is_good", Scheme::IsGood),
     ("words", Scheme::Words),
 ];
 
@@ -111,6 +114,11 @@ impl Scheme {
                 64..=127 => Class::Uncertain,
                 _ => Class::Bad,
             },
+            Self::IsGood => match code {
+                1 => Class::Good,
+                0 => Class::Bad,
+                _ => return None,
+            },
             Self::Words => return None,
         };
         Some(class)
@@ -139,24 +147,41 @@ fn code_in(text: &str) -> Option<i64> {
     }
 }
 
+/// The class of a word by its beginning: a class, or the name of a status of OPC.
+fn begun(word: &str) -> Option<Class> {
+    const BEGINNINGS: [(&str, Class); 16] = [
+        ("good", Class::Good),
+        ("local override", Class::Good),
+        ("uncertain", Class::Uncertain),
+        ("last usable", Class::Uncertain),
+        ("sensor not accurate", Class::Uncertain),
+        ("sub-normal", Class::Uncertain),
+        ("bad", Class::Bad),
+        ("not good", Class::Bad),
+        ("no good", Class::Bad),
+        ("comm fail", Class::Bad),
+        ("configuration error", Class::Bad),
+        ("not connected", Class::Bad),
+        ("device failure", Class::Bad),
+        ("sensor failure", Class::Bad),
+        ("last known", Class::Bad),
+        ("out of service", Class::Bad),
+    ];
+    let mut beginnings = BEGINNINGS.into_iter();
+    let class = beginnings.find(|(beginning, _)| word.starts_with(beginning));
+    class.map(|(_, class)| class)
+}
+
 /// Words mean the same wherever they stand. Sources say more behind the first of them: `Bad, Not Connected`,
 /// `Bad [Comm Failure]`, `GoodClamped`.
 fn word(text: &str) -> Option<Class> {
     let text = text.trim().to_ascii_lowercase();
     let class = match text.as_str() {
-        "" | "ok" | "true" => Class::Good,
+        "" | "ok" | "true" | "yes" => Class::Good,
         "questionable" | "doubtful" => Class::Uncertain,
         "substituted" => Class::Substituted,
-        "false" | "error" | "invalid" | "failed" => Class::Bad,
-        text if text.starts_with("good") => Class::Good,
-        text if text.starts_with("uncertain") => Class::Uncertain,
-        text if ["bad", "not good", "no good"]
-            .iter()
-            .any(|bad| text.starts_with(bad)) =>
-        {
-            Class::Bad
-        }
-        _ => return None,
+        "false" | "no" | "error" | "invalid" | "failed" => Class::Bad,
+        text => return begun(text),
     };
     Some(class)
 }

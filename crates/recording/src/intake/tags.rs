@@ -10,7 +10,7 @@ use super::error::{ReadError, ReadingFaults, no_signals};
 use super::memory::Memory;
 use super::options::{GridOption, Options, ReadingPurpose};
 use super::order::CoarseTimes;
-use super::quality::Scheme;
+use super::quality::{Scheme, quality_schemes};
 use crate::columns::SampleColumns;
 use crate::{
     Class, ClassSpan, Interpolation, MAX_SIGNALS, ReceivedRecording, Recording, TimeAxis, Warning,
@@ -240,12 +240,12 @@ impl<'o> Tags<'o> {
                 ),
                 None => (
                     "quality_scheme_needed",
-                    "codes of quality mean different things: 0 is bad in one scheme and good in \
-                     another; say quality_scheme (opc_da, opc_ua, aveva_quality, \
-                     aveva_quality_detail, ignition, ignition_legacy, cognite)"
+                    "codes of quality mean different things: 0 is bad in one scheme and good in another"
                         .to_owned(),
                 ),
             };
+            let schemes: Vec<&str> = quality_schemes().collect();
+            let detail = format!("{detail}; say quality_scheme ({})", schemes.join(", "));
             self.faults.invalid(place(kind, detail));
             Class::Bad
         })

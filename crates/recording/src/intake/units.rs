@@ -139,40 +139,14 @@ pub fn known_times() -> String {
     first_names(|row| row.si == "s")
 }
 
-/// A column's title as name and unit: `position [mm]`, `p (bar)`, `p_bar`. What stands in
-/// parentheses or behind the last `_` is the unit only where it is one for certain, and the name
-/// stays whole behind `_`.
-#[must_use]
-pub fn name_and_unit(title: &str) -> (&str, &str) {
-    let cut = |open: char, close: char| {
-        let (name, unit) = title.strip_suffix(close)?.rsplit_once(open)?;
-        let unit = unit.trim();
-        Some((name.trim(), unit.strip_prefix("in ").unwrap_or(unit)))
-    };
-    if let Some(named) = cut('[', ']') {
-        return named;
-    }
-    if let Some((name, unit)) = cut('(', ')')
-        && !name.is_empty()
-        && parse(unit).is_some()
-    {
-        return (name, unit);
-    }
-    match title.rsplit_once('_') {
-        Some((name, unit)) if !name.is_empty() && is_suffix(unit) => (title, unit),
-        _ => (title, ""),
-    }
+/// Whether a text is one unit of the table as the table writes it.
+pub(super) fn is_exact(text: &str) -> bool {
+    exact(text).is_some()
 }
 
-/// Whether the end of a name can only be meant as a unit. `x_min`, `flow_in` and `seen_at` are not,
-/// nor is a single letter.
-fn is_suffix(text: &str) -> bool {
-    const WORDS: [&str; 10] = [
-        "min", "in", "at", "rev", "ft", "hr", "sec", "inch", "lb", "var",
-    ];
-    let is_word = WORDS.contains(&text.to_ascii_lowercase().as_str());
-    let of_letters = text.len() > 1 && text.chars().all(char::is_alphabetic);
-    of_letters && !is_word && (exact(text).is_some() || of_any_case(text).is_some())
+/// Whether a text is one unit of the table, in any case of letters.
+pub(super) fn is_listed(text: &str) -> bool {
+    exact(text).is_some() || of_any_case(text).is_some()
 }
 
 fn exact(text: &str) -> Option<&'static UnitRow> {
@@ -391,7 +365,7 @@ const TABLE: &[UnitRow] = &[
     row("g", "kg", 1e-3),
     row("t", "kg", 1e3),
     row("lb", "kg", POUND),
-    row("V Volt Volts", "V", 1.0),
+    row("V Volt Volts VDC Vdc VAC Vac", "V", 1.0),
     row("mV", "V", 1e-3),
     row("kV", "V", 1e3),
     row("A Amp Amps Ampere", "A", 1.0),

@@ -2,7 +2,7 @@
 
 use super::super::error::{ReadError, at_line, malformed};
 use super::super::options::Decimal;
-use super::super::{stamp, units, value};
+use super::super::{stamp, title, units, value};
 use csv::{ByteRecord, Position};
 use greybox_numerics::parsing::Fault;
 
@@ -21,7 +21,7 @@ pub(super) fn is_called_time(title: &str) -> bool {
 /// The name and the unit in the title of the time column, whose name may end with a unit of time: `t_s`,
 /// `elapsed_min`, `time (seconds)`.
 pub(in crate::intake) fn time_name_and_unit(title: &str) -> (&str, &str) {
-    let (name, unit) = units::name_and_unit(title);
+    let (name, unit) = title::name_and_unit(title);
     if !unit.is_empty() {
         return (name, unit);
     }

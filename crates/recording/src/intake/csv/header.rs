@@ -3,7 +3,7 @@
 use super::super::column::SignalColumn;
 use super::super::error::{ReadingFaults, at_line, invalid};
 use super::super::options::Options;
-use super::super::{ReadError, units};
+use super::super::{ReadError, title};
 use super::fields::{is_data, line_of, texts, time_name_and_unit};
 use crate::{MAX_SIGNALS, name_fault};
 use ::csv::ByteRecord;
@@ -103,7 +103,7 @@ fn columns(
     let mut columns = Vec::with_capacity(titles.len());
     let mut names = Vec::with_capacity(titles.len());
     for (k, title) in titles.iter().enumerate() {
-        let (name, _) = units::name_and_unit(title);
+        let (name, _) = title::name_and_unit(title);
         if k == time {
             columns.push(SignalColumn::named(name, &Options::default()));
             names.push(name.to_owned());

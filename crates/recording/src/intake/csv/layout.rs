@@ -2,7 +2,7 @@
 
 use super::super::layout::{ColumnRole, Layout, LayoutColumn, LayoutRow, MOST_ROWS};
 use super::super::options::Options;
-use super::super::{Format, units};
+use super::super::{Format, title};
 use super::fields::line_of;
 use super::header::time_column;
 use super::sniff::{Sniff, first_rows};
@@ -30,7 +30,7 @@ pub(in crate::intake) fn layout(format: Format, head: &[u8], options: &Options) 
                 .table_column(k)
                 .and_then(|column| roles.get(column).copied()),
         };
-        let (name, unit) = units::name_and_unit(&title);
+        let (name, unit) = title::name_and_unit(&title);
         LayoutColumn {
             name: name.to_owned(),
             unit: shape.unit(k).unwrap_or(unit).to_owned(),
@@ -64,7 +64,7 @@ fn roles(format: Format, sniff: &Sniff, options: &Options) -> Vec<ColumnRole> {
         None => Some(sniff.time()),
     };
     let is_ignored = |column: usize| {
-        let name = units::name_and_unit(titles[column]).0;
+        let name = title::name_and_unit(titles[column]).0;
         options.ignore.iter().any(|ignored| ignored == name)
     };
     columns

@@ -7,7 +7,7 @@ use super::super::error::{ReadError, at_line, invalid};
 use super::super::memory::Memory;
 use super::super::options::Options;
 use super::super::tags::{Quality, RawSample, Tags};
-use super::super::units;
+use super::super::title;
 use super::fields::{line_of, texts, time_name_and_unit};
 use super::long_columns::LongColumns;
 use super::rows::{TableRows, is_empty, read_row};
@@ -70,7 +70,7 @@ fn push(tags: &mut Tags<'_>, places: &RowPlaces, record: &ByteRecord) -> Result<
     let RowPlaces { columns, values } = places;
     let field = |place: usize| fields.get(place).copied().unwrap_or_default();
     for (column, title) in values {
-        let (part, unit) = title.as_deref().map_or(("", ""), units::name_and_unit);
+        let (part, unit) = title.as_deref().map_or(("", ""), title::name_and_unit);
         let name = match part {
             "" => Cow::Borrowed(field(columns.tag)),
             part => Cow::Owned(format!("{}.{part}", field(columns.tag))),

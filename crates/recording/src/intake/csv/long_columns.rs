@@ -4,7 +4,7 @@ use super::super::error::{ReadError, excerpt, invalid};
 use super::super::layout::ColumnRole;
 use super::super::options::{Decimal, Options};
 use super::super::quality::Scheme;
-use super::super::{units, value};
+use super::super::{title, value};
 use super::fields::{count_up, is_called_time};
 use crate::Warning;
 use greybox_numerics::parsing::Fault;
@@ -88,10 +88,10 @@ const QUALITIES: [(&str, Option<Scheme>); 23] = [
     ("qualitaet", None),
     ("güte", None),
     ("statuscode", None),
-    ("isgood", None),
-    ("good", None),
-    ("isvalid", None),
-    ("valid", None),
+    ("isgood", Some(Scheme::IsGood)),
+    ("good", Some(Scheme::IsGood)),
+    ("isvalid", Some(Scheme::IsGood)),
+    ("valid", Some(Scheme::IsGood)),
     ("validity", None),
     ("iptrendqstatus", None),
 ];
@@ -114,7 +114,7 @@ struct PlainTitles(Vec<String>);
 impl PlainTitles {
     fn of(titles: &[&str]) -> Self {
         let plain = |title: &&str| -> String {
-            let (name, _) = units::name_and_unit(title);
+            let (name, _) = title::name_and_unit(title);
             let letters = name.chars().filter(|c| c.is_alphanumeric());
             letters.flat_map(char::to_lowercase).collect()
         };
@@ -328,7 +328,7 @@ fn named(titles: &[&str], option: &str, title: Option<&str>) -> Result<Option<us
 
 /// The column with the title that an option names, with its unit or without.
 fn column(titles: &[&str], option: &str, title: &str) -> Result<usize, ReadError> {
-    let names = || titles.iter().map(|title| units::name_and_unit(title).0);
+    let names = || titles.iter().map(|title| title::name_and_unit(title).0);
     let places = titles.iter().zip(names());
     let place = places
         .enumerate()

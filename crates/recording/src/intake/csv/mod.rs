@@ -29,7 +29,7 @@ mod top_rows;
 use super::error::{at_line, invalid};
 use super::memory::Memory;
 use super::options::{Decimal, Options};
-use super::units::name_and_unit;
+use super::title::name_and_unit;
 use super::{Format, ReadError};
 use crate::{NewScratch, ReceivedRecording, Warning};
 use ::csv::ByteRecord;

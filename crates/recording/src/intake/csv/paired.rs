@@ -9,7 +9,7 @@ use super::super::memory::Memory;
 use super::super::options::Options;
 use super::super::quality::may_rate;
 use super::super::tags::{Quality, RawSample, Tags};
-use super::super::{stamp, units, value};
+use super::super::{stamp, title, value};
 use super::fields::{is_called_time, line_of, texts, time_name_and_unit};
 use super::rows::{TableRows, is_empty, read_row};
 use crate::ReceivedRecording;
@@ -65,7 +65,7 @@ impl PairedColumns {
         };
         let names: Vec<&str> = titles
             .iter()
-            .map(|title| units::name_and_unit(title).0)
+            .map(|title| title::name_and_unit(title).0)
             .collect();
         // A title that stands behind each signal says nothing but what the column is.
         let is_again = |title: &str| titles.iter().filter(|again| **again == title).count() > 1;
@@ -188,7 +188,7 @@ pub(super) fn read(
     let mut series = Vec::new();
     for columns in columns {
         let title = titles[columns.value];
-        let (name, unit) = units::name_and_unit(title);
+        let (name, unit) = title::name_and_unit(title);
         let place = |code, detail: String| at_line(1, Some(title), code, detail);
         if let Some(tag) = tags.tag(name, &place) {
             tags.describe(tag, Some(unit), None, &place);

@@ -3,7 +3,7 @@
 
 use super::super::error::{at_line, excerpt};
 use super::super::table_options::TableOptions;
-use super::super::{stamp, units};
+use super::super::{stamp, title, units};
 use super::fields::{count_up, is_called_time, line_of};
 use super::split_time::SplitTime;
 use super::top_rows::{NamedRows, Titles, TopRows, fields_of, unit_of};
@@ -243,7 +243,7 @@ impl Shape {
         let line = self.header_line()?;
         let titles = self.titles();
         let differs = |(k, title): (usize, &String)| {
-            let (name, unit) = (units::name_and_unit(title).0, title_unit(title));
+            let (name, unit) = (title::name_and_unit(title).0, title_unit(title));
             let below = self.unit(k).filter(|_| !unit.is_empty())?;
             let detail = format!(
                 "the title says `{unit}`, and the row of units `{below}`: say `unit_row=none`, or mend the title"
@@ -363,7 +363,7 @@ fn fitted_titles(
 
 /// The unit in a title. A number in parentheses tells columns of one name apart and is no unit.
 fn title_unit(title: &str) -> &str {
-    let (_, unit) = units::name_and_unit(title);
+    let (_, unit) = title::name_and_unit(title);
     match unit.bytes().all(|byte| byte.is_ascii_digit()) {
         true => "",
         false => unit,

@@ -253,7 +253,17 @@ fn shape_of(text: &[u8], options: &TableOptions) -> (u8, Shape) {
             .map(|field| String::from_utf8_lossy(field).trim().to_owned());
         fields.collect::<Vec<String>>()
     };
-    let plain = (likely, Shape::plain(&first));
+    let of_blanks = first_rows(text, b' ');
+    let are_numbers = |record: &ByteRecord| {
+        let mut fields = record.iter().map(String::from_utf8_lossy);
+        record.len() > 1 && fields.all(|field| is_data(&field))
+    };
+    let plain = match of_blanks.first().is_some_and(are_numbers) {
+        true if !DELIMITERS.iter().any(|sign| first_line.contains(sign)) => {
+            (b' ', Shape::plain(&of_blanks))
+        }
+        _ => (likely, Shape::plain(&first)),
+    };
     if described(&first.iter().take(2).map(words).collect::<Vec<_>>()).is_some() {
         return plain;
     }
@@ -268,7 +278,7 @@ fn shape_of(text: &[u8], options: &TableOptions) -> (u8, Shape) {
     if best.as_ref().is_some_and(|(_, shape)| shape.columns() > 1) {
         return best.unwrap_or(plain);
     }
-    let of_blanks = Shape::of(&first_rows(text, b' '), options);
+    let of_blanks = Shape::of(&of_blanks, options);
     let of_blanks = of_blanks.filter(|shape| shape.columns() > 1 && shape.is_even());
     of_blanks
         .map(|shape| (b' ', shape))

@@ -185,7 +185,12 @@ impl TopRows {
         let may_call = self.may_call_columns(row - 1);
         let (above, row) = (&self.rows[row - 1], &self.rows[row]);
         let mut units = row.iter().map(|field| unit_of(field));
-        let are_units = units.all(|unit| units::parse(unit).is_some());
+        let is_unit = |unit: &str| {
+            units::parse(unit)
+                .or_else(|| units::parse_time(unit))
+                .is_some()
+        };
+        let are_units = units.all(is_unit);
         let different: BTreeSet<&String> = row.iter().collect();
         let titles: BTreeSet<&String> = above.iter().filter(|title| !title.is_empty()).collect();
         are_units && different.len() < row.len() && titles.len() == row.len() && may_call
@@ -231,12 +236,13 @@ impl NamedRows {
 
 /// A unit as it stands in a row of units, without brackets; nothing for a word that names the row.
 pub(super) fn unit_of(field: &str) -> &str {
-    const NAMES: [&str; 9] = [
+    const NAMES: [&str; 10] = [
         "unit",
         "units",
         "einheit",
         "einheiten",
         "uom",
+        "vertical units",
         "no",
         "no.",
         "ts",

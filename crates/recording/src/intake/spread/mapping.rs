@@ -50,7 +50,7 @@ pub struct MappedQuality {
     #[schema(required = false, max_items = 10, example = json!(["Quality"]))]
     pub fields: Vec<String>,
     /// What the codes mean: `opc_da`, `opc_ua`, `aveva_quality`, `aveva_quality_detail`, `ignition`,
-    /// `ignition_legacy`, `cognite` or `words`; words such as `Good` mean the same in all of them, and left out, only words
+    /// `ignition_legacy`, `cognite`, `is_good` or `words`; words such as `Good` mean the same in all of them, and left out, only words
     /// are read.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     #[schema(nullable = false, example = "opc_ua")]

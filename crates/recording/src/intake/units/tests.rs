@@ -128,28 +128,6 @@ fn plants_spellings_are_understood() {
 }
 
 #[test]
-fn a_unit_stands_in_brackets_in_parentheses_or_at_the_end_of_the_name() {
-    for (title, name, unit) in [
-        ("position [mm]", "position", "mm"),
-        ("spool [left] [ V ]", "spool [left]", "V"),
-        ("spool [left] []", "spool [left]", ""),
-        ("p [parsec]", "p", "parsec"),
-        ("x (bar)", "x", "bar"),
-        ("x (in bar)", "x", "bar"),
-        ("valve (left)", "valve (left)", ""),
-        ("p_bar", "p_bar", "bar"),
-        ("oil_degC", "oil_degC", "degC"),
-        ("x_min", "x_min", ""),
-        ("flow_in", "flow_in", ""),
-        ("speed_m", "speed_m", ""),
-        ("position", "position", ""),
-        ("position]", "position]", ""),
-    ] {
-        assert_eq!(name_and_unit(title), (name, unit), "{title}");
-    }
-}
-
-#[test]
 fn only_units_of_time_are_times_and_none_means_seconds() {
     assert_eq!(parse_time("ms").unwrap().to_si(5.0), 0.005);
     assert_eq!(parse_time("").unwrap().to_si(5.0), 5.0);

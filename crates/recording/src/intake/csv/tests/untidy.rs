@@ -69,7 +69,7 @@ fn heads_of_loggers_and_oscilloscopes_are_read() {
     assert_eq!(stored(toa5, "P"), [95_000.0, 95_100.0, 95_200.0]);
     assert_eq!(stored(toa5, "T_Avg(1)"), [293.15, 294.15, 295.15]);
 
-    let scope = "x-axis,1,2\ns,Volt,Volt\n0.0,1.5,2.5\n0.001,1.6,2.6\n0.002,1.7,2.7\n";
+    let scope = "x-axis,1,2\nsecond,Volt,Volt\n0.0,1.5,2.5\n0.001,1.6,2.6\n0.002,1.7,2.7\n";
     assert_eq!(stored(scope, "1"), [1.5, 1.6, 1.7]);
     assert_eq!(stored(scope, "2"), [2.5, 2.6, 2.7]);
 
@@ -150,4 +150,46 @@ fn numbers_that_no_plant_has_are_missing() {
     let recording = parse(text).unwrap();
     assert_eq!(recording.signal("U").unwrap().missing(), 2);
     assert_eq!(told(&recording), ["words_for_missing"]);
+}
+
+#[test]
+fn a_column_that_says_whether_a_sample_is_good_rates_it() {
+    for (title, good, bad) in [
+        ("IsValid", "1", "0"),
+        ("Valid", "Yes", "No"),
+        ("Quality", "Good", "Comm Fail"),
+    ] {
+        let text = format!(
+            "Timestamp,Tag,Value,{title}\n2026-03-02T08:15:00Z,PT,3.2,{good}\n2026-03-02T08:15:01Z,PT,3.3,{bad}\n\
+             2026-03-02T08:15:02Z,PT,3.4,{good}\n"
+        );
+        let recording = parse(&text).unwrap();
+        assert_eq!(recording.signal("PT").unwrap().missing(), 1, "{title}");
+    }
+}
+
+#[test]
+fn tags_may_be_numbers_and_rows_may_be_counted_twice() {
+    let tags = "Date,Time,Millitm,TagIndex,Value,Status,Marker\n2026-03-02,08:15:00,000,0,3.2,,\n2026-03-02,08:15:00,000,1,65,,\n\
+                2026-03-02,08:15:00,500,0,3.3,,\n2026-03-02,08:15:00,500,1,66,,\n";
+    let mut options = Options::default();
+    options.set("tz", "+01:00").unwrap();
+    let recording = read(tags.as_bytes(), &options).unwrap();
+    assert_eq!(values(&recording, "0"), [3.2, 3.3]);
+    assert_eq!(values(&recording, "1"), [65.0, 66.0]);
+
+    let twice = ",Unnamed: 0,time [s],p\n0,0,0,1\n1,1,1,2\n2,2,2,3\n";
+    let recording = parse(twice).unwrap();
+    assert_eq!(values(&recording, "p"), [1.0, 2.0, 3.0]);
+    assert_eq!(recording.signals.len(), 1);
+}
+
+#[test]
+fn columns_between_blanks_without_titles_are_asked_for() {
+    assert_eq!(codes("0.0 1.5\n1.0 1.6\n2.0 1.7\n"), ["no_header"]);
+    let mut options = Options::default();
+    options.set("header_row", "none").unwrap();
+    options.set("time_unit", "s").unwrap();
+    let recording = read("0.0 1.5\n1.0 1.6\n2.0 1.7\n".as_bytes(), &options).unwrap();
+    assert_eq!(values(&recording, "column_2"), [1.5, 1.6, 1.7]);
 }
