@@ -74,7 +74,16 @@ fn push(tags: &mut Tags<'_>, text: &str, number: u64) {
             .faults
             .invalid(place("missing_time", detail.to_owned()));
     }
+    let field = |key: &str| {
+        let mut fields = point.fields().filter_map(Result::ok);
+        fields.find(|(name, _)| name == key).map(|(_, value)| value)
+    };
+    // A field that is called a quality rates the one that is called a value.
+    let quality = field("quality").filter(|_| field("value").is_some());
     for (name, value) in point.fields().filter_map(Result::ok) {
+        if name == "quality" && quality.is_some() {
+            continue;
+        }
         let key = format!("{} {name}", point.series);
         let Some(tag) = tags.series(&key, &name, &place) else {
             continue;
@@ -83,7 +92,10 @@ fn push(tags: &mut Tags<'_>, text: &str, number: u64) {
             tag,
             time: Cell::Text(point.stamp),
             value: cell(value),
-            quality: Quality::Unsaid,
+            quality: match quality.filter(|_| name == "value") {
+                Some(code) => Quality::Code(cell(code.trim_matches('"'))),
+                None => Quality::Unsaid,
+            },
         };
         tags.push(&sample, &place);
     }

@@ -142,6 +142,11 @@ impl<'o> Tags<'o> {
         Some(self.tags.len() - 1)
     }
 
+    /// Gives a tag another key, by which it is called where its short name is not enough.
+    pub(super) fn set_key(&mut self, tag: usize, key: String) {
+        self.tags[tag].key = key;
+    }
+
     /// What the source says of a tag; options win.
     pub(super) fn describe(
         &mut self,

@@ -7,12 +7,13 @@
 //! | AVEVA OData | `{"FQN", "DateTime", "OpcQuality", "Value"}` | `FQN` |
 //! | Canary | `{"t", "v", "q"}` or `[t, v, q]` | the key of the array |
 //! | OPC UA | `{"Value", "SourceTimestamp", "Status"}`; no status is good | a name around it, or the key |
-//! | Cognite | `{"timestamp", "value", "status"}`; no status is good | `externalId` or `id` around it |
+//! | Cognite | `{"timestamp", "value", "status"}`, or an aggregate for the value; no status is good | `externalId` or `id` around it |
 
 use super::super::Format;
 use super::super::cell::Cell;
 use super::super::quality::Scheme;
 use super::super::tags::{Quality, RawSample, Tags};
+use super::cognite;
 use super::walk::{Fields, JsonLeaf, Surroundings, Visit};
 use crate::{Class, Interpolation, Warning};
 use greybox_numerics::parsing::Fault;
@@ -151,7 +152,7 @@ impl<'o> Records<'o> {
             time: fields.get("Timestamp"),
             value: value.map_or(Cell::Empty, JsonLeaf::cell),
             quality: Quality::Of(class),
-            unit: unit.and_then(as_text),
+            unit: unit.and_then(JsonLeaf::as_text),
             interpolation: None,
         };
         self.push(around, &record);
@@ -175,8 +176,17 @@ impl<'o> Records<'o> {
             .field(&["containerid", "id"])
             .and_then(JsonLeaf::text);
         let container = container.unwrap_or_else(|| UNNAMED.to_owned());
-        for (field, leaf) in fields.0.iter().filter(|(key, _)| **key != **time_key) {
-            let name = match field.eq_ignore_ascii_case("value") {
+        let is_value = |key: &str| key.eq_ignore_ascii_case("value");
+        let has_value = fields.0.iter().any(|(key, _)| is_value(key));
+        let rates = |key: &str| has_value && key.eq_ignore_ascii_case("quality");
+        let quality = fields.0.iter().find(|(key, _)| rates(key));
+        let is_time = |key: &str| key == *time_key;
+        let properties = fields
+            .0
+            .iter()
+            .filter(|(key, _)| !is_time(key) && !rates(key));
+        for (field, leaf) in properties {
+            let name = match is_value(field) {
                 true => container.clone(),
                 false => format!("{container}.{field}"),
             };
@@ -185,7 +195,7 @@ impl<'o> Records<'o> {
                 name,
                 time: fields.get(time_key),
                 value: leaf.cell(),
-                quality: Quality::Unsaid,
+                quality: code(quality.map(|(_, leaf)| leaf).filter(|_| is_value(field))),
                 unit: None,
                 interpolation: None,
             };
@@ -212,7 +222,7 @@ impl<'o> Records<'o> {
             quality: code(fields.get("OpcQuality")),
             unit: ["Unit", "EngUnit"]
                 .iter()
-                .find_map(|name| as_text(fields.get(name)?)),
+                .find_map(|name| fields.get(name)?.as_text()),
             interpolation: None,
         };
         self.push(around, &record);
@@ -295,24 +305,36 @@ impl<'o> Records<'o> {
             Some(JsonLeaf::Object(status)) => status.get("code"),
             status => status,
         };
-        let record = HistorianSample {
-            key: name.clone(),
-            name,
-            time: fields.get("timestamp"),
-            value: fields.get("value").map_or(Cell::Empty, JsonLeaf::cell),
-            quality: code(status),
-            unit: around.field(&["unit"]).and_then(as_text),
-            interpolation: step,
+        let keys = match cognite::values(fields, &self.tags.options.table.values) {
+            Ok(keys) => keys,
+            Err(detail) => {
+                let fault = Fault {
+                    parameter: Some("value".into()),
+                    ..around.fault("layout_unclear", &detail)
+                };
+                self.fault(fault);
+                return true;
+            }
         };
-        self.push(around, &record);
+        let unit = around.field(&["unit"]).and_then(JsonLeaf::as_text);
+        let of_catalog = || cognite::unit(around.field(&["unitExternalId"])?.as_text()?);
+        for key in &keys {
+            let name = match keys.len() {
+                1 => name.clone(),
+                _ => format!("{name}.{key}"),
+            };
+            let record = HistorianSample {
+                key: name.clone(),
+                name,
+                time: fields.get("timestamp"),
+                value: fields.get(key).map_or(Cell::Empty, JsonLeaf::cell),
+                quality: code(status),
+                unit: unit.or_else(of_catalog).filter(|_| cognite::has_unit(key)),
+                interpolation: step,
+            };
+            self.push(around, &record);
+        }
         true
-    }
-}
-
-fn as_text(leaf: &JsonLeaf) -> Option<&str> {
-    match leaf {
-        JsonLeaf::Text(text) => Some(text),
-        _ => None,
     }
 }
 
@@ -340,10 +362,11 @@ impl Visit for Records<'_> {
         }
     }
 
-    fn row(&mut self, around: &Surroundings<'_>, cells: &[JsonLeaf]) {
+    fn row(&mut self, around: &Surroundings<'_>, cells: &[JsonLeaf]) -> bool {
         if self.format == Format::Canary {
             self.canary(around, [cells.first(), cells.get(1), cells.get(2)]);
         }
+        true
     }
 
     fn is_full(&self) -> bool {
