@@ -124,4 +124,36 @@ mod tests {
         ));
         assert!(!looks_like(b"time [s],a\n0,1\n"));
     }
+
+    fn read_with(text: &str, given: &[(&str, &str)]) -> Result<crate::Recording, ReadError> {
+        let mut options = Options::default();
+        for (option, text) in given {
+            options.set(option, text).unwrap();
+        }
+        crate::intake::read(text.as_bytes(), crate::intake::MediaKind::Text, &options)
+    }
+
+    #[test]
+    fn a_field_of_quality_rates_the_value_beside_it() {
+        let text = |quality: [&str; 2]| {
+            let [first, second] = quality;
+            format!(
+                "pump value=1,quality={first} 1772439300000000000\npump value=2,quality={second} 1772439301000000000\n"
+            )
+        };
+        for bad in [r#""Bad""#, "false"] {
+            let recording = read_with(&text([r#""good""#, bad]), &[]).unwrap();
+            assert_eq!(recording.signals.len(), 1);
+            assert_eq!(recording.signals[0].values[0], 1.0);
+            assert!(recording.signals[0].values[1].is_nan(), "{bad}");
+        }
+        let codes = text(["192i", "0i"]);
+        let asked = read_with(&codes, &[]).unwrap_err();
+        assert_eq!(&*asked.faults()[0].code, "quality_scheme_needed");
+        let rated = read_with(&codes, &[("quality_scheme", "opc_da")]).unwrap();
+        assert!(rated.signals[0].values[1].is_nan());
+        let alone =
+            "pump p=1,quality=5i 1772439300000000000\npump p=2,quality=6i 1772439301000000000\n";
+        assert_eq!(read_with(alone, &[]).unwrap().signals.len(), 2);
+    }
 }

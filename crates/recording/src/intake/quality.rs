@@ -9,6 +9,7 @@
 //! | `ignition` (8 and later) | 0 and 192 to 255, the low 16 bits | top bits 01 | top bits 10 |
 //! | `ignition_legacy` (stored history) | 192 | 64 to 127 | all others |
 //! | `cognite` | 0 | top bits 01 | top bits 10 |
+//! | `proficy` (REST of Proficy Historian) | 3 | 1 | 0, 2 (not available) |
 //! | `words` | good, ok, true | uncertain, questionable, doubtful | bad, false |
 //!
 //! A 0 is bad in one and good in another: where the format does not settle the scheme it is asked
@@ -27,10 +28,11 @@ pub(super) enum Scheme {
     Ignition,
     IgnitionLegacy,
     Cognite,
+    Proficy,
     Words,
 }
 
-const NAMES: [(&str, Scheme); 8] = [
+const NAMES: [(&str, Scheme); 9] = [
     ("opc_da", Scheme::OpcDa),
     ("opc_ua", Scheme::OpcUa),
     ("aveva_quality", Scheme::AvevaQuality),
@@ -38,6 +40,7 @@ const NAMES: [(&str, Scheme); 8] = [
     ("ignition", Scheme::Ignition),
     ("ignition_legacy", Scheme::IgnitionLegacy),
     ("cognite", Scheme::Cognite),
+    ("proficy", Scheme::Proficy),
     ("words", Scheme::Words),
 ];
 
@@ -111,9 +114,25 @@ impl Scheme {
                 64..=127 => Class::Uncertain,
                 _ => Class::Bad,
             },
+            Self::Proficy => match code {
+                3 => Class::Good,
+                1 => Class::Uncertain,
+                0 | 2 => Class::Bad,
+                _ => return None,
+            },
             Self::Words => return None,
         };
         Some(class)
+    }
+}
+
+/// Every scheme whose codes have 192 calls it good.
+pub(super) fn is_good_everywhere(code: &Cell<'_>) -> bool {
+    match code {
+        Cell::Integer(code) => *code == 192,
+        Cell::Number(code) => *code == 192.0,
+        Cell::Text(text) => text.trim() == "192",
+        _ => false,
     }
 }
 
@@ -175,6 +194,8 @@ mod tests {
             (Scheme::IgnitionLegacy, 0, Bad),
             (Scheme::IgnitionLegacy, 192, Good),
             (Scheme::Cognite, 0, Good),
+            (Scheme::Proficy, 0, Bad),
+            (Scheme::Proficy, 3, Good),
         ] {
             assert_eq!(
                 scheme.class(&Cell::Integer(code)),

@@ -10,7 +10,7 @@ use super::error::{ReadError, ReadingFaults};
 use super::memory::Memory;
 use super::options::{GridOption, Options, ReadingPurpose};
 use super::order::CoarseTimes;
-use super::quality::Scheme;
+use super::quality::{Scheme, is_good_everywhere};
 use crate::columns::SampleColumns;
 use crate::{
     Class, ClassSpan, Interpolation, MAX_SIGNALS, ReceivedRecording, Recording, TimeAxis, Warning,
@@ -142,6 +142,11 @@ impl<'o> Tags<'o> {
         Some(self.tags.len() - 1)
     }
 
+    /// The tag of that name, where there is one.
+    pub(super) fn of_key(&self, key: &str) -> Option<usize> {
+        self.by_key.get(key).copied()
+    }
+
     /// Gives a tag another key, by which it is called where its short name is not enough.
     pub(super) fn set_key(&mut self, tag: usize, key: String) {
         self.tags[tag].key = key;
@@ -247,7 +252,7 @@ impl<'o> Tags<'o> {
                     "quality_scheme_needed",
                     "codes of quality mean different things: 0 is bad in one scheme and good in \
                      another; say quality_scheme (opc_da, opc_ua, aveva_quality, \
-                     aveva_quality_detail, ignition, ignition_legacy, cognite)"
+                     aveva_quality_detail, ignition, ignition_legacy, cognite, proficy)"
                         .to_owned(),
                 ),
             };
@@ -468,16 +473,6 @@ impl<'o> Tags<'o> {
             false => COMMON_SAMPLE_BYTES * self.tags.len() as u64 + COMMON_INSTANT_BYTES,
         };
         self.held_bytes() + each * common.instants.len() as u64
-    }
-}
-
-/// Every scheme whose codes have 192 calls it good.
-fn is_good_everywhere(code: &Cell<'_>) -> bool {
-    match code {
-        Cell::Integer(code) => *code == 192,
-        Cell::Number(code) => *code == 192.0,
-        Cell::Text(text) => text.trim() == "192",
-        _ => false,
     }
 }
 

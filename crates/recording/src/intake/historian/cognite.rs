@@ -58,9 +58,9 @@ const UNITS: [(&str, &str); 26] = [
 
 /// The fields of a datapoint that are its values: its value, its one aggregate, or those that the option `value` names.
 /// A sentence where there are several aggregates and nothing says which.
-pub(super) fn values<'f>(fields: &'f Fields, said: &'f [String]) -> Result<Vec<&'f str>, String> {
-    if !said.is_empty() {
-        return Ok(said.iter().map(String::as_str).collect());
+pub(super) fn values<'f>(fields: &'f Fields, named: &'f [String]) -> Result<Vec<&'f str>, String> {
+    if !named.is_empty() {
+        return Ok(named.iter().map(String::as_str).collect());
     }
     if fields.has("value") {
         return Ok(vec!["value"]);
@@ -82,9 +82,13 @@ pub(super) fn has_unit(key: &str) -> bool {
     IN_UNIT.contains(&key)
 }
 
-/// The unit of the catalog that an identifier such as `pressure:bar` names.
-pub(super) fn unit(id: &str) -> Option<&'static str> {
-    let (_, unit) = id.split_once(':')?;
-    let row = UNITS.iter().find(|(name, _)| *name == unit);
-    row.map(|(_, spelled)| *spelled)
+/// The unit of a signal: its text, or the one of the catalog that its identifier names, such as `pressure:bar`.
+pub(super) fn unit_of(signal: &Fields) -> Option<&str> {
+    let text = |key: &str| signal.get(key)?.as_text();
+    let of_catalog = || {
+        let (_, unit) = text("unitExternalId")?.split_once(':')?;
+        let row = UNITS.iter().find(|(name, _)| *name == unit);
+        row.map(|(_, spelled)| *spelled)
+    };
+    text("unit").or_else(of_catalog)
 }

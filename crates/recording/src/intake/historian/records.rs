@@ -32,6 +32,8 @@ pub(super) struct Records<'o> {
     counts: Vec<usize>,
     /// The source says that there is more.
     goes_on: bool,
+    /// The last sample has the unit of its signal.
+    has_unit: bool,
 }
 
 /// A sample and where it belongs.
@@ -52,6 +54,7 @@ impl<'o> Records<'o> {
             tags,
             counts: Vec::new(),
             goes_on: false,
+            has_unit: true,
         }
     }
 
@@ -293,6 +296,7 @@ impl<'o> Records<'o> {
 
     fn cognite(&mut self, around: &Surroundings<'_>, fields: &Fields) -> bool {
         if !fields.has("timestamp") {
+            self.cognite_series(around, fields);
             return false;
         }
         let name = around.field(&["externalId", "id"]).and_then(JsonLeaf::text);
@@ -316,9 +320,9 @@ impl<'o> Records<'o> {
                 return true;
             }
         };
-        let unit = around.field(&["unit"]).and_then(JsonLeaf::as_text);
-        let of_catalog = || cognite::unit(around.field(&["unitExternalId"])?.as_text()?);
+        let unit = around.objects.last().and_then(cognite::unit_of);
         for key in &keys {
+            self.has_unit = cognite::has_unit(key);
             let name = match keys.len() {
                 1 => name.clone(),
                 _ => format!("{name}.{key}"),
@@ -329,12 +333,26 @@ impl<'o> Records<'o> {
                 time: fields.get("timestamp"),
                 value: fields.get(key).map_or(Cell::Empty, JsonLeaf::cell),
                 quality: code(status),
-                unit: unit.or_else(of_catalog).filter(|_| cognite::has_unit(key)),
+                unit: unit.filter(|_| self.has_unit),
                 interpolation: step,
             };
             self.push(around, &record);
         }
         true
+    }
+
+    /// Takes the unit of a signal of Cognite, which may stand behind its datapoints.
+    fn cognite_series(&mut self, around: &Surroundings<'_>, fields: &Fields) {
+        let name = ["externalId", "id"]
+            .iter()
+            .find_map(|name| fields.get(name)?.text());
+        let unit = cognite::unit_of(fields).filter(|_| self.has_unit);
+        let place = |code, detail: String| around.fault(code, &detail);
+        if let (true, Some(name), Some(unit)) = (fields.has("datapoints"), name, unit)
+            && let Some(tag) = self.tags.of_key(&name)
+        {
+            self.tags.describe(tag, Some(unit), None, &place);
+        }
     }
 }
 

@@ -19,6 +19,7 @@ mod mixture;
 mod naming;
 mod place;
 mod rows;
+mod senml;
 mod series;
 mod table;
 
@@ -50,7 +51,9 @@ pub(super) struct Shapes<'o> {
     pairs: Option<PairOrder>,
     /// Elements that were left out, and the place of the first.
     left_out: (usize, String),
-    /// The name of a list of rows that came behind them.
+    /// How many fields of each object around were read before its first samples, from the outermost.
+    first_fields: Vec<usize>,
+    /// The names of an object that came behind its samples.
     late_name: Option<String>,
     /// The number that the key of the next row has, where rows are numbered by their keys.
     next_row: u64,
@@ -64,6 +67,7 @@ impl<'o> Shapes<'o> {
             header: None,
             pairs: None,
             left_out: (0, String::new()),
+            first_fields: Vec::new(),
             late_name: None,
             next_row: 0,
         }
@@ -78,7 +82,8 @@ impl<'o> Shapes<'o> {
         let (count, first) = &self.left_out;
         if *count > 0 {
             let detail = format!(
-                "{count} elements beside samples are none that are read and were left out, the first at `{first}`"
+                "{count} objects or elements beside samples have numbers that belong to none and were left out, the first \
+                 at `{first}`"
             );
             let note = Warning::of_recording("left_out_elements", detail);
             series.tags.notes.push(note);
@@ -110,7 +115,7 @@ impl<'o> Shapes<'o> {
             && all.all(|(key, leaf)| {
                 instants::is_instant_text(key) && measured::scalar(leaf).is_some()
             });
-        let Some(name) = place.name().filter(|_| are_times) else {
+        let Some(name) = place.name_of_list().filter(|_| are_times) else {
             return false;
         };
         for (key, leaf) in &fields.0 {
@@ -137,7 +142,7 @@ impl<'o> Shapes<'o> {
             let JsonLeaf::List(elements) = leaf else {
                 continue;
             };
-            let inner = place.within(key, fields, None);
+            let inner = place.within(key, fields, None).listed();
             is_taken |= self.take_table(&inner, names.as_deref(), elements)
                 || self.take_pairs(&inner, key, elements)
                 || self.take_elements(place, (key, fields), elements);
@@ -183,8 +188,8 @@ impl<'o> Shapes<'o> {
         let Some(columns) = SideBySide::of(fields, option) else {
             return false;
         };
-        let inner = place.within("values", fields, None);
-        let by_keys = || (!columns.is_lone_value()).then(|| SeriesName::of(&inner.levels));
+        let inner = place.within("values", fields, None).listed();
+        let by_keys = || (!columns.is_lone_value()).then(|| inner.name_by_now());
         let Some(name) = inner.name().or_else(by_keys) else {
             return false;
         };
@@ -356,29 +361,37 @@ impl<'o> Shapes<'o> {
         {
             self.left_over(around, 1);
         }
-        if self.rows.unnamed != Some(around.objects.len()) {
+        let depth = around.objects.len();
+        let late = self
+            .first_fields
+            .get(depth)
+            .map(|first| naming::told_behind(fields, *first));
+        let Some(late) = late.filter(|late| !late.is_empty()) else {
             return;
-        }
-        self.rows.unnamed = None;
-        let name = naming::name_of(fields);
-        if let (Some(before), Some(name)) = (&self.late_name, &name)
-            && before != name
-        {
+        };
+        if let Some(before) = self.late_name.as_ref().filter(|before| **before != late) {
             let detail = format!(
-                "`{name}` stands behind its samples, and `{before}` behind others: put the names before the samples"
+                "`{late}` stands behind its samples, and `{before}` behind others: put the names before the samples"
             );
             self.rows
                 .series
                 .fault(around.fault("layout_unclear", &detail));
         }
-        self.late_name = name.or(self.late_name.take());
+        self.late_name = Some(late);
+    }
+
+    /// Keeps how much of the objects around was read before their first samples.
+    fn keep_first_fields(&mut self, around: &Surroundings<'_>) {
+        let objects = around.objects.iter().skip(self.first_fields.len());
+        self.first_fields
+            .extend(objects.map(|fields| fields.0.len()));
     }
 }
 
 /// Whether an object is a field of another one, which may be a row itself, and no row by its key.
 fn is_field(around: &Surroundings<'_>, next_row: u64) -> bool {
     let is_row = |key: &str| key.parse() == Ok(next_row) || instants::is_instant_text(key);
-    around.own_key().is_some_and(|key| !is_row(key))
+    around.field_key().is_some_and(|key| !is_row(key))
 }
 
 impl Visit for Shapes<'_> {
@@ -395,17 +408,20 @@ impl Visit for Shapes<'_> {
         } else {
             self.take(place, fields)
         };
+        self.first_fields.truncate(depth);
         if is_taken {
             self.depth = Some(depth);
+            self.keep_first_fields(around);
         }
         is_taken
     }
 
     fn row(&mut self, around: &Surroundings<'_>, cells: &[JsonLeaf]) -> bool {
-        let place = Place::of(around);
+        let place = Place::of(around).listed();
         let taken = self.take_row(&place, cells);
         if taken == Some(true) {
             self.depth = Some(around.objects.len());
+            self.keep_first_fields(around);
         }
         taken.is_some()
     }
@@ -425,3 +441,6 @@ impl Visit for Shapes<'_> {
         self.rows.series.tags.is_full()
     }
 }
+
+#[cfg(test)]
+mod tests;

@@ -404,7 +404,7 @@ impl Surroundings<'_> {
     }
 
     /// The key of the field that the place is, where it is one.
-    pub(super) fn own_key(&self) -> Option<&str> {
+    pub(super) fn field_key(&self) -> Option<&str> {
         match self.path.last() {
             Some(PathStep::Key(key)) => Some(key),
             _ => None,

@@ -70,8 +70,8 @@ impl<R: Read> PlainNumbers<R> {
             return plain.push(byte);
         }
         self.word.push(byte);
-        let begins = |word: &&str| word.as_bytes().starts_with(&self.word);
-        if !WORDS.iter().any(|word| begins(&word)) {
+        let begins = |word: &str| word.as_bytes().starts_with(&self.word);
+        if !WORDS.iter().any(|word| begins(word)) {
             self.word.pop();
             plain.append(&mut self.word);
             self.word.push(byte);

@@ -23,7 +23,8 @@ const TIMES: [&str; 10] = [
 ];
 
 /// Names of fields that are the time where their values are instants, in small letters without signs.
-const INSTANTS: [&str; 12] = [
+const INSTANTS: [&str; 13] = [
+    "time",
     "timestamp",
     "timestamps",
     "lastchanged",
@@ -58,6 +59,21 @@ pub(super) fn is_instant(leaf: &JsonLeaf) -> bool {
         }
         _ => false,
     }
+}
+
+/// Whether a field is an instant: a date by its look, or a Unix time where its key is that of a time too.
+pub(super) fn is_instant_field(key: &str, leaf: &JsonLeaf) -> bool {
+    /// Parts of the keys of times.
+    const PARTS: [&str; 4] = ["time", "date", "stamp", "zeit"];
+    let lower = key.to_lowercase();
+    let is_time =
+        || is_any(key, &["x", "t", "ts"]) || PARTS.iter().any(|part| lower.contains(part));
+    let is_number = match leaf {
+        JsonLeaf::Text(text) => text.parse::<f64>().is_ok(),
+        JsonLeaf::Object(_) => false,
+        _ => true,
+    };
+    is_instant(leaf) && (!is_number || is_time())
 }
 
 /// The instant that stands in an object of MongoDB.

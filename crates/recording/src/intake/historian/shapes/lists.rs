@@ -39,7 +39,12 @@ impl<'f> SideBySide<'f> {
             Some(column.key) == named && column.may_be_time(option.is_some())
         };
         let by_name = columns.iter().position(is_named);
-        let by_look = || columns.iter().position(ListColumn::are_instants);
+        let has_time = instants::time_key(fields, None).is_some();
+        let by_look = || {
+            columns
+                .iter()
+                .position(|column| !has_time && column.are_instants())
+        };
         let time = columns.remove(by_name.or_else(by_look)?);
         if let Some(JsonLeaf::Object(units)) = fields.get("units") {
             for column in &mut columns {
@@ -65,13 +70,13 @@ impl<'f> SideBySide<'f> {
 impl ListColumn<'_> {
     fn are_instants(&self) -> bool {
         let mut first = self.leaves.iter().take(LOOKED_AT);
-        first.all(|leaf| instants::is_instant(leaf))
+        first.all(|leaf| instants::is_instant_field(self.key, leaf))
     }
 
     /// Whether a column with the name of a time is one.
-    fn may_be_time(&self, is_said: bool) -> bool {
+    fn may_be_time(&self, is_named: bool) -> bool {
         let (name, _) = time_name_and_unit(self.key);
-        is_said || self.are_instants() || is_any(name, &instants::CLOCKS)
+        is_named || self.are_instants() || is_any(name, &instants::CLOCKS)
     }
 
     fn has_numbers(&self) -> bool {

@@ -78,6 +78,11 @@ impl<'f> ValueFields<'f> {
         })
     }
 
+    /// Whether neither a unit nor a quality is said of the value.
+    pub(super) fn says_nothing(&self) -> bool {
+        self.unit.is_none() && self.quality.is_none()
+    }
+
     /// Whether an object has no numbers but the value, its time and its quality.
     pub(super) fn is_alone(&self, fields: &Fields, time: &str) -> bool {
         let is_quality = |leaf: &JsonLeaf| {

@@ -1,7 +1,9 @@
 //! Rows of several things in one list: a field of words that tells apart rows of one time, or takes turns.
 
+use super::super::super::error::at_pointer;
 use super::super::walk::JsonLeaf;
 use super::naming::is_name_field;
+use greybox_numerics::parsing::Fault;
 use std::cmp::Ordering;
 use std::collections::HashSet;
 
@@ -55,18 +57,22 @@ impl Mixture {
         }
     }
 
-    /// A question where a field tells rows apart.
-    pub(super) fn question(&self) -> Option<String> {
+    /// The fault that asks where a field tells rows apart.
+    pub(super) fn question(&self) -> Option<Fault> {
         let mut fields = self.fields.iter();
-        let field = fields.find(|field| field.tells_apart())?;
-        Some(match field.key.as_str() {
-            PLACE => "lists of one signal have samples of the same times: give the object of each a name, such as \
-                      \"name\": \"PT\""
+        let key = &fields.find(|field| field.tells_apart())?.key;
+        let detail = match key.as_str() {
+            PLACE => "lists of one signal have samples of the same times: give the object of each a name of its own, \
+                      such as \"name\": \"PT\""
                 .to_owned(),
             key => format!(
                 "rows of several things stand in one list and differ by `{key}`: say tag={key}, and each number is a \
                  signal of what `{key}` names, or ignore={key}"
             ),
+        };
+        Some(Fault {
+            parameter: (key != PLACE).then(|| "tag".into()),
+            ..at_pointer(String::new(), "layout_unclear", detail)
         })
     }
 }
@@ -144,10 +150,11 @@ impl WordField {
         let are_blocks =
             begin_again && self.falls < self.rises || end_again && self.rises < self.falls;
         let takes_turns = names && self.changes >= words;
-        // Lists that follow each other may share a sample.
-        let shares = match is_place {
-            true => 2 * self.shared + 1 >= self.rows,
-            false => self.shared > 0,
+        // Lists that follow each other may share a sample, and a state may change within the step of the clock.
+        let shares = match (is_place, names) {
+            (true, _) => 2 * self.shared + 1 >= self.rows,
+            (false, true) => self.shared > 0,
+            (false, false) => 4 * self.shared >= self.rows,
         };
         shares || are_blocks || takes_turns
     }

@@ -5,7 +5,7 @@ use super::instants;
 use super::keys::{is_any, is_called};
 
 /// Keys of fields that name the object that they are in, the surest first, in small letters without signs.
-const NAMES: [&str; 28] = [
+const NAMES: [&str; 30] = [
     "target",
     "tagname",
     "tag",
@@ -14,6 +14,8 @@ const NAMES: [&str; 28] = [
     "entityid",
     "statisticid",
     "topic",
+    "itemid",
+    "tagid",
     "metric",
     "signal",
     "series",
@@ -27,13 +29,13 @@ const NAMES: [&str; 28] = [
     "device",
     "serialnumber",
     "serial",
+    "field",
     "measurement",
     "name",
     "entryid",
     "propertyid",
     "nodeid",
     "n",
-    "id",
 ];
 
 /// Keys of fields whose samples are called as the object is that the field is in.
@@ -81,30 +83,41 @@ const NAME_LABEL: &str = "__name__";
 pub(super) struct SeriesName {
     /// The nearest name, where there is one.
     pub(super) short: Option<String>,
-    /// The names farther out, from the outermost.
+    /// The names farther out, and the keys that name nothing, from the outermost.
     pub(super) outer: Vec<String>,
     /// Labels, written as `key=text`.
     pub(super) labels: Vec<String>,
-    /// The places in their lists of objects around that have no name.
+    /// The places of the objects around in their lists.
     pub(super) places: Vec<usize>,
 }
 
 impl SeriesName {
-    /// The name that the objects around give, from the innermost.
-    pub(super) fn of(levels: &[Level<'_>]) -> Self {
+    /// The name that the objects around give, from the innermost. `is_listed` says that the samples are a list.
+    pub(super) fn of(levels: &[Level<'_>], is_listed: bool) -> Self {
         let mut name = Self::default();
-        let mut outwards = Vec::new();
+        let mut has_list = is_listed;
         for level in levels {
-            let of_object = name_of(level.fields);
-            name.places
-                .extend(level.index.filter(|_| of_object.is_none()));
-            outwards.extend(is_name(level.key).then(|| level.key.to_owned()));
-            outwards.extend(of_object);
+            name.places.extend(level.index);
+            // Around a lone sample stands what numbers it.
+            let of_object = match has_list {
+                true => name_of(level.fields).or_else(|| id_of(level.fields)),
+                false => name_of(level.fields),
+            };
+            has_list = level.index.is_some();
+            let of_key = (!instants::is_instant_text(level.key)).then(|| level.key.to_owned());
+            let is_name = !is_holder(level.key);
+            for (text, is_name) in of_key
+                .map(|key| (key, is_name))
+                .into_iter()
+                .chain(of_object.map(|text| (text, true)))
+            {
+                match name.short {
+                    None if is_name => name.short = Some(text),
+                    _ => name.outer.push(text),
+                }
+            }
             name.labels.extend(labels_of(level.fields));
         }
-        let mut outwards = outwards.into_iter();
-        name.short = outwards.next();
-        name.outer.extend(outwards);
         name.outer.reverse();
         name
     }
@@ -113,6 +126,12 @@ impl SeriesName {
     pub(super) fn inner(mut self, short: &str) -> Self {
         self.outer.extend(self.short.take());
         self.short = Some(short.to_owned());
+        self
+    }
+
+    /// The name of what has another name beside this one.
+    pub(super) fn beside(mut self, name: String) -> Self {
+        self.outer.push(name);
         self
     }
 
@@ -168,11 +187,6 @@ pub(super) fn is_label(key: &str) -> bool {
     is_any(key, &LABELS)
 }
 
-/// Whether a key names what it holds: it is no time, and none of the words for samples.
-fn is_name(key: &str) -> bool {
-    !is_holder(key) && !instants::is_instant_text(key)
-}
-
 /// The name that an object says it has.
 pub(super) fn name_of(fields: &Fields) -> Option<String> {
     NAMES.iter().find_map(|name| {
@@ -184,6 +198,16 @@ pub(super) fn name_of(fields: &Fields) -> Option<String> {
     })
 }
 
+/// The number or text that tells an object from others, where nothing names it.
+pub(super) fn id_of(fields: &Fields) -> Option<String> {
+    fields.get("id")?.text()
+}
+
+/// The text by which a record names itself.
+pub(super) fn text_name_of(fields: &Fields) -> Option<String> {
+    NAMES.iter().find_map(|name| text_of(fields, name))
+}
+
 /// The text of a field, where it has one.
 fn text_of(fields: &Fields, name: &str) -> Option<String> {
     let mut named = fields.0.iter().filter(|(key, _)| is_called(key, name));
@@ -193,9 +217,21 @@ fn text_of(fields: &Fields, name: &str) -> Option<String> {
     })
 }
 
-/// Whether a field is the name of its object.
+/// Whether a field may be the name of its object.
 pub(super) fn is_name_field(key: &str) -> bool {
-    is_any(key, &NAMES)
+    is_any(key, &NAMES) || is_called(key, "id")
+}
+
+/// The name and the labels of an object that stand in its fields from this one on.
+pub(super) fn told_behind(fields: &Fields, first: usize) -> String {
+    let (before, behind) = fields.0.split_at(first.min(fields.0.len()));
+    let [before, behind] = [before, behind].map(|part| Fields(part.to_vec()));
+    let name = name_of(&behind).filter(|_| name_of(&before).is_none());
+    let labels = labels_of(&behind);
+    name.into_iter()
+        .chain(labels)
+        .collect::<Vec<String>>()
+        .join(",")
 }
 
 /// The labels of an object, written as `key=text`.

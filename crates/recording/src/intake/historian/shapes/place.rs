@@ -1,5 +1,6 @@
 //! Where in a document an object stands, and what is around it.
 
+use super::super::super::error::at_pointer;
 use super::super::walk::{Fields, Level, Surroundings};
 use super::naming::SeriesName;
 use greybox_numerics::parsing::Fault;
@@ -13,6 +14,10 @@ pub(super) struct Place<'p> {
     index: Option<usize>,
     /// No name can come any more that is not known yet.
     pub(super) is_last: bool,
+    /// What is at the place is a list of samples or stands in one.
+    is_listed: bool,
+    /// The way from `around` to the place, as the end of a pointer.
+    inner: String,
 }
 
 impl<'p> Place<'p> {
@@ -24,6 +29,8 @@ impl<'p> Place<'p> {
             is_last: levels.is_empty(),
             levels,
             index: around.place_in_list(),
+            is_listed: around.place_in_list().is_some(),
+            inner: String::new(),
         }
     }
 
@@ -39,14 +46,19 @@ impl<'p> Place<'p> {
             fields,
             index: self.index,
         };
-        let is_outermost = self.levels.is_empty() || self.around.own_key().is_none();
+        let is_outermost = self.levels.is_empty() || self.around.field_key().is_none();
         Place {
             around: self.around,
             levels: std::iter::once(level)
                 .chain(self.levels.iter().copied())
                 .collect(),
             index,
+            is_listed: index.is_some(),
             is_last: self.is_last || is_outermost,
+            inner: match index {
+                Some(index) => format!("{}/{key}/{index}", self.inner),
+                None => format!("{}/{key}", self.inner),
+            },
         }
     }
 
@@ -67,11 +79,32 @@ impl<'p> Place<'p> {
 
     /// The name that the objects around give. None where it may still come.
     pub(super) fn name(&self) -> Option<SeriesName> {
-        let name = SeriesName::of(&self.levels);
+        let name = self.name_by_now();
         (self.is_last || name.short.is_some()).then_some(name)
     }
 
+    /// The name of the samples that the object at this place is a list of.
+    pub(super) fn name_of_list(&self) -> Option<SeriesName> {
+        let name = SeriesName::of(&self.levels, true);
+        (self.is_last || name.short.is_some()).then_some(name)
+    }
+
+    /// The name that the objects around give as far as they were read.
+    pub(super) fn name_by_now(&self) -> SeriesName {
+        SeriesName::of(&self.levels, self.is_listed)
+    }
+
+    /// The place, where what is there is a list of samples.
+    pub(super) fn listed(mut self) -> Self {
+        self.is_listed = true;
+        self
+    }
+
     pub(super) fn fault(&self, code: &'static str, detail: &str) -> Fault {
-        self.around.fault(code, detail)
+        at_pointer(
+            format!("{}{}", self.around.pointer(), self.inner),
+            code,
+            detail,
+        )
     }
 }

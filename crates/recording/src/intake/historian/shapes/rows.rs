@@ -9,7 +9,8 @@ use super::keys::is_any;
 use super::measured::{MeasuredValue, ValueFields, values_of};
 use super::naming::{self, SeriesName};
 use super::place::Place;
-use super::series::{SampleTime, SeriesTags};
+use super::senml::SenmlBase;
+use super::series::{SampleTime, SeriesTags, plain_value};
 
 /// Keys of tags beside those of tables, in small letters without signs.
 const TAGS: [&str; 2] = ["entityid", "statisticid"];
@@ -24,8 +25,7 @@ pub(super) struct Rows<'o> {
     /// The last signal that a sample of a list of a list named.
     sender: Option<(Vec<PathStep>, SeriesName)>,
     is_told_left_out: bool,
-    /// Around how many objects rows stand whose list is not named by now.
-    pub(super) unnamed: Option<usize>,
+    senml: SenmlBase,
 }
 
 /// A row, and what its fields are.
@@ -44,7 +44,7 @@ impl<'o> Rows<'o> {
             time: None,
             sender: None,
             is_told_left_out: false,
-            unnamed: None,
+            senml: SenmlBase::default(),
         }
     }
 
@@ -54,7 +54,7 @@ impl<'o> Rows<'o> {
         let by_look = || {
             let mut cells = fields.0.iter();
             cells
-                .find(|(_, leaf)| instants::is_instant(leaf))
+                .find(|(key, leaf)| instants::is_instant_field(key, leaf))
                 .map(|(key, _)| &**key)
         };
         let key = instants::time_key(fields, option).or_else(by_look);
@@ -68,6 +68,18 @@ impl<'o> Rows<'o> {
 
     /// Takes an object that has a time and a value. Answers whether it is one.
     pub(super) fn take(&mut self, place: &Place<'_>, fields: &Fields) -> bool {
+        if place.levels.is_empty()
+            && let Some(sample) = self.senml.sample(fields)
+        {
+            let time = SampleTime::of_number("t [s]", sample.time);
+            let value = MeasuredValue {
+                unit: sample.unit.as_deref(),
+                ..plain_value("v", sample.value)
+            };
+            let name = SeriesName::default().inner(&sample.name);
+            self.series.push(place, name, &time, &value);
+            return true;
+        }
         match self.time_of(place, fields) {
             Some(time) => self.take_timed(place, fields, time),
             None => false,
@@ -105,11 +117,11 @@ impl<'o> Rows<'o> {
                 .and_then(field)
                 .map(timed);
             let are_scalars = || fields.0.iter().all(|(_, leaf)| leaf.is_scalar());
-            let own_key = place
+            let field_key = place
                 .around
-                .own_key()
+                .field_key()
                 .filter(|key| instants::is_instant_text(key));
-            let by_key = || own_key.filter(|_| are_scalars()).map(SampleTime::of_key);
+            let by_key = || field_key.filter(|_| are_scalars()).map(SampleTime::of_key);
             return by_field.or_else(by_key);
         }
         let key = match &self.time {
@@ -150,17 +162,21 @@ impl<'o> Rows<'o> {
             self.series.fault(place.fault("missing_tag", &detail));
             return true;
         };
-        let name = SeriesName::of(&place.levels).inner(&tag);
+        let name = place.name_by_now().inner(&tag);
         let (list, in_list) = place.around.list();
         if in_list.is_some() {
             self.sender = Some((list.to_vec(), name.clone()));
         }
         let (values, is_single) = self.values_of_tag(row);
         self.tell_left_out(row);
+        if let (true, [value]) = (is_single, &values[..]) {
+            self.observe(&name.key(), &words_of(row, value), row);
+        }
         for value in &values {
-            let name = match is_single {
-                true => name.clone(),
-                false => name.clone().inner(&value.key),
+            let name = match (is_single, value.is_nested) {
+                (true, _) => name.clone(),
+                (false, true) => name.clone().inner(&value.key),
+                (false, false) => place.name_by_now().inner(&format!("{tag}.{}", value.key)),
             };
             self.series.push(place, name, &row.time, value);
         }
@@ -219,24 +235,44 @@ impl<'o> Rows<'o> {
         let told = ValueFields::of(row.fields, Some(row.time.key))?;
         let (list, in_list) = place.around.list();
         let is_flat = place.levels.is_empty() && in_list.is_none();
-        if !told.is_alone(row.fields, row.time.key) || is_flat && told.quality.is_none() {
+        if !told.is_alone(row.fields, row.time.key) || is_flat && told.says_nothing() {
             return None;
         }
         let mut value = told.measured()?;
         if self.series.tags.options.table.quality.as_deref() == Some("none") {
             value.quality = None;
         }
+        let by_now = place.name_by_now();
+        let id = || naming::id_of(row.fields).filter(|_| by_now.short.is_none());
+        let by_row = naming::text_name_of(row.fields).or_else(id);
         let sender = self.sender.as_ref().filter(|(of, _)| *of == *list);
-        let mut name = match sender {
-            Some((_, name)) => name.clone(),
-            None => match place.name() {
+        let mut name = match (by_row, sender) {
+            (Some(name), _) if by_now.short.is_none() => by_now.inner(&name),
+            (Some(name), _) => by_now.beside(name),
+            (None, Some((_, name))) => name.clone(),
+            (None, None) => match place.name() {
                 Some(name) => name,
                 None => return Some(false),
             },
         };
         name.places.extend(in_list.filter(|_| sender.is_none()));
+        let words = words_of(row, &value);
+        self.observe(&name.key(), &words, row);
         self.series.push(place, name, &row.time, &value);
         Some(true)
+    }
+
+    /// Looks whether words of rows of this name tell them apart.
+    fn observe(&mut self, name: &str, values: &[MeasuredValue<'_>], row: &TimedRow<'_>) {
+        let ignore = &self.series.tags.options.ignore;
+        for value in values {
+            if let Some(word) = value.word()
+                && !ignore.iter().any(|key| *key == value.key)
+            {
+                let mixture = &mut self.series.mixture;
+                mixture.observe(name, [&value.key, word], &row.time.leaf);
+            }
+        }
     }
 
     /// Takes a row of several signals, which its keys name.
@@ -249,37 +285,29 @@ impl<'o> Rows<'o> {
         if !is_flat && !values.iter().any(is_value) {
             return false;
         }
-        let mut name = SeriesName::of(&place.levels);
+        let mut name = place.name_by_now();
         if values.iter().any(|value| value.is_nested) {
             name = name.labelled(row.fields);
             values.retain(|value| {
                 value.is_nested || value.word().is_none() || !naming::is_name_field(&value.key)
             });
         }
-        let has_name = |fields: &Fields| naming::name_of(fields).is_some();
-        if let Some(level) = place.levels.first().filter(|level| !has_name(level.fields)) {
-            self.unnamed = (level.index.is_none()).then(|| place.levels.len() - 1);
-        }
-        let scope = name.key();
+        self.observe(&name.key(), &values, row);
         for value in &values {
-            let is_ignored = || {
-                self.series
-                    .tags
-                    .options
-                    .ignore
-                    .iter()
-                    .any(|key| *key == value.key)
-            };
-            if let Some(word) = value.word().filter(|_| !is_ignored()) {
-                self.series
-                    .mixture
-                    .observe(&scope, [&value.key, word], &row.time.leaf);
-            }
             self.series
                 .push(place, name.clone().inner(&value.key), &row.time, value);
         }
         true
     }
+}
+
+/// The words of a sample that say neither its name nor how its value is to be read.
+fn words_of<'f>(row: &TimedRow<'f>, value: &MeasuredValue<'f>) -> Vec<MeasuredValue<'f>> {
+    let is_apart = |key: &str| key == row.time.key || key == value.key || Some(key) == row.tag;
+    let mut words = values_of(row.fields, &is_apart);
+    let quality = value.quality.map(JsonLeaf::cell);
+    words.retain(|word| Some(&word.value) != quality.as_ref() && word.word() != value.unit);
+    words
 }
 
 /// The field that is the time of the rows of a document: one with the name of a time, an instant with the name of
@@ -288,7 +316,10 @@ fn row_time(fields: &Fields) -> Option<&str> {
     let (first, leaf) = fields.0.first()?;
     let by_look = || instants::time_key(fields, None).filter(|_| !instants::is_instant(leaf));
     let are_scalars = fields.0.iter().all(|(_, leaf)| leaf.is_scalar());
-    let is_time = are_scalars || instants::is_instant(leaf);
+    let is_word = leaf
+        .as_text()
+        .is_some_and(|text| !text.contains(char::is_numeric));
+    let is_time = are_scalars && !is_word || instants::is_instant(leaf);
     instants::named(fields.0.iter().map(|(key, _)| &**key))
         .or_else(by_look)
         .or_else(|| is_time.then_some(&**first))

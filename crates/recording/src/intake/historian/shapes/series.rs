@@ -3,7 +3,6 @@
 use super::super::super::cell::Cell;
 use super::super::super::clock::Clock;
 use super::super::super::csv::time_name_and_unit;
-use super::super::super::error::at_pointer;
 use super::super::super::tags::{Quality, RawSample, Tags};
 use super::super::walk::JsonLeaf;
 use super::instants;
@@ -44,6 +43,14 @@ impl<'f> SampleTime<'f> {
         Self {
             key,
             leaf: Cow::Owned(JsonLeaf::Null),
+        }
+    }
+
+    /// A time that is a sum of several fields.
+    pub(super) fn of_number(key: &'f str, number: f64) -> Self {
+        Self {
+            key,
+            leaf: Cow::Owned(JsonLeaf::Number(number)),
         }
     }
 
@@ -120,12 +127,8 @@ impl<'o> SeriesTags<'o> {
     /// The tags, where it is clear which samples belong together. Those of one short name are called by what tells
     /// them apart, where that is enough.
     pub(super) fn into_tags(mut self) -> Tags<'o> {
-        if let Some(detail) = self.mixture.question() {
-            let fault = at_pointer(String::new(), "layout_unclear", detail);
-            self.fault(Fault {
-                parameter: Some("tag".into()),
-                ..fault
-            });
+        if let Some(question) = self.mixture.question() {
+            self.fault(question);
         }
         let mut of_name: HashMap<Option<&str>, Vec<usize>> = HashMap::new();
         for (tag, name) in self.names.iter().enumerate() {

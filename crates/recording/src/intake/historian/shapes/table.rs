@@ -110,7 +110,7 @@ impl PairOrder {
             }
             (false, false) => return None,
         };
-        if !are_instants && !(is_number(first) && is_number(second)) {
+        if !(are_instants || is_number(first) && is_number(second)) {
             return None;
         }
         Some(Ok(Self {
