@@ -29,7 +29,7 @@ pub struct ReadingQuery {
     /// How the body is written, where that is not told from its type and its first lines:
     /// `wide_csv`, `long_csv`, `paired_csv`, `senseye`, `simulink_csv`, `influx_csv`,
     /// `influx_line_protocol`, `influx_json`, `pi_web_api`, `omf`, `aveva_odata`, `aveva_sql`, `canary`, `ignition`, `opc_ua_json`, `cognite`,
-    /// `pandas_records`, `pandas_split`, `pandas_table`, `excel`, `parquet` or `json`.
+    /// `pandas_records`, `pandas_split`, `pandas_table`, `json_series`, `excel`, `parquet` or `json`.
     #[param(schema_with = formats)]
     pub format: Option<String>,
     /// The zone of times without an offset, by its IANA name, or their offset, such as `+01:00`.
@@ -55,7 +55,7 @@ pub struct ReadingQuery {
     /// New names of signals, `old:new` separated by commas, or as a JSON object.
     pub rename: Option<String>,
     /// What codes of quality mean: `opc_da`, `opc_ua`, `aveva_quality`, `aveva_quality_detail`,
-    /// `ignition`, `ignition_legacy`, `cognite`, `is_good` (1 good, 0 bad) or `words`.
+    /// `ignition`, `ignition_legacy`, `cognite`, `is_good` (1 good, 0 bad), `proficy` or `words`.
     #[param(schema_with = quality_schemes)]
     pub quality_scheme: Option<String>,
     /// How signals go on between samples: `hold` or `linear`, or `name:hold` separated by commas.
@@ -73,11 +73,11 @@ pub struct ReadingQuery {
     /// The line of the units of a table's columns, from 1, or `none`.
     #[param(example = "none")]
     pub unit_row: Option<String>,
-    /// The column that names the signal of a row, by its title: the table then has a row for each
-    /// sample of one signal.
+    /// The column that names the signal of a row, by its title, or the key of such a field in records of JSON: each row
+    /// is then of one signal.
     #[param(example = "Messstelle")]
     pub tag: Option<String>,
-    /// The columns of values of such a table, separated by commas, or as a JSON array. Of several
+    /// The columns of values of such a table, separated by commas, or as a JSON array; of Cognite, the aggregates. Of several
     /// each is a signal of its own, such as `pump.pressure`; all columns of numbers when absent.
     #[param(example = "Wert")]
     pub value: Option<String>,

@@ -24,6 +24,14 @@ use std::borrow::Cow;
 /// Unix times of plants: 1990 to 2100 `[s]`.
 const UNIX: std::ops::Range<f64> = 631_152_000.0..4_102_444_800.0;
 
+/// Units in which Unix times are written `[s]`.
+const UNIX_SCALES: [(f64, &str); 4] = [
+    (1.0, "Unix seconds"),
+    (1e-3, "Unix milliseconds"),
+    (1e-6, "Unix microseconds"),
+    (1e-9, "Unix nanoseconds"),
+];
+
 /// Nanoseconds of a second.
 const NANOSECONDS: f64 = 1e9;
 
@@ -358,13 +366,7 @@ impl Clock {
             self.guessed_unit = Some(epoch.words());
             return Ok(TimeNumbers::Instants(epoch.into()));
         }
-        let scales = [
-            (1.0, "Unix seconds"),
-            (1e-3, "Unix milliseconds"),
-            (1e-6, "Unix microseconds"),
-            (1e-9, "Unix nanoseconds"),
-        ];
-        for (factor, name) in scales {
+        for (factor, name) in UNIX_SCALES {
             if UNIX.contains(&(value * factor)) {
                 self.guessed_unit = Some(name);
                 return Ok(unix(factor));
@@ -479,6 +481,12 @@ impl Clock {
 enum TimeNumbers {
     Seconds(f64),
     Instants(Spelling),
+}
+
+/// Whether a number is a Unix time of plants by its size.
+pub(super) fn is_unix_time(value: f64) -> bool {
+    let mut scales = UNIX_SCALES.iter();
+    scales.any(|(factor, _)| UNIX.contains(&(value * factor)))
 }
 
 fn unix_nanoseconds(instant: Timestamp) -> Option<i64> {

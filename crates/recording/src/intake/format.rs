@@ -37,6 +37,8 @@ pub enum Format {
     Cognite,
     /// `pandas.to_json(orient="records")`, with `lines=True` or without: an object for each row, or for each sample.
     PandasRecords,
+    /// Any other document with times beside values.
+    JsonSeries,
     /// `pandas.to_json(orient="split")`.
     PandasSplit,
     /// `pandas.to_json(orient="table")`.
@@ -49,7 +51,7 @@ pub enum Format {
     Excel,
 }
 
-const NAMES: [(&str, Format); 23] = [
+const NAMES: [(&str, Format); 24] = [
     ("json", Format::Json),
     ("wide_csv", Format::WideCsv),
     ("senseye", Format::WideCsv),
@@ -68,6 +70,7 @@ const NAMES: [(&str, Format); 23] = [
     ("opc_ua_json", Format::OpcUaJson),
     ("cognite", Format::Cognite),
     ("pandas_records", Format::PandasRecords),
+    ("json_series", Format::JsonSeries),
     ("pandas_split", Format::PandasSplit),
     ("pandas_table", Format::PandasTable),
     ("parquet", Format::Parquet),
@@ -95,6 +98,7 @@ impl MediaKind {
         match media_type {
             "text/csv" | "application/csv" | "text/tab-separated-values" => Some(Self::Csv),
             "application/json" | "application/jsonl" | "application/x-ndjson" => Some(Self::Json),
+            named if named.ends_with("+json") => Some(Self::Json),
             "text/plain" => Some(Self::Text),
             "application/octet-stream"
             | "application/gzip"
@@ -176,6 +180,8 @@ impl Format {
         let columns = ["tag", "value", "quality"];
         let table: &[&str] = match self {
             Self::LongCsv => &[],
+            Self::PandasRecords | Self::JsonSeries => &["header_row", "unit_row"],
+            Self::Cognite => &["header_row", "unit_row", "tag", "quality"],
             Self::WideCsv | Self::PairedCsv => &columns,
             _ => &["header_row", "unit_row", "tag", "value", "quality"],
         };
@@ -199,9 +205,8 @@ impl Format {
                 "grid",
             ],
             Self::WideCsv => &["quality_scheme", "grid"],
-            Self::SimulinkCsv | Self::InfluxCsv | Self::InfluxLines => &["time", "quality_scheme"],
-            Self::PiWebApi | Self::Omf => &["time", "quality_scheme"],
-            Self::PandasRecords | Self::LongCsv => &[],
+            Self::SimulinkCsv | Self::InfluxCsv | Self::PiWebApi => &["time", "quality_scheme"],
+            Self::PandasRecords | Self::JsonSeries | Self::LongCsv => &[],
             Self::PandasSplit | Self::PandasTable | Self::InfluxJson => &["quality_scheme"],
             _ => &["time"],
         }
@@ -227,6 +232,7 @@ impl Format {
                 | Self::OpcUaJson
                 | Self::Cognite
                 | Self::PandasRecords
+                | Self::JsonSeries
                 | Self::PandasSplit
                 | Self::PandasTable
         )

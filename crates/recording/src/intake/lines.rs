@@ -74,7 +74,16 @@ fn push(tags: &mut Tags<'_>, text: &str, number: u64) {
             .faults
             .invalid(place("missing_time", detail.to_owned()));
     }
+    let field = |key: &str| {
+        let mut fields = point.fields().filter_map(Result::ok);
+        fields.find(|(name, _)| name == key).map(|(_, value)| value)
+    };
+    // A field that is called a quality rates the one that is called a value.
+    let quality = field("quality").filter(|_| field("value").is_some());
     for (name, value) in point.fields().filter_map(Result::ok) {
+        if name == "quality" && quality.is_some() {
+            continue;
+        }
         let key = format!("{} {name}", point.series);
         let Some(tag) = tags.series(&key, &name, &place) else {
             continue;
@@ -83,7 +92,10 @@ fn push(tags: &mut Tags<'_>, text: &str, number: u64) {
             tag,
             time: Cell::Text(point.stamp),
             value: cell(value),
-            quality: Quality::Unsaid,
+            quality: match quality.filter(|_| name == "value") {
+                Some(code) => Quality::Code(cell(code.trim_matches('"'))),
+                None => Quality::Unsaid,
+            },
         };
         tags.push(&sample, &place);
     }
@@ -111,5 +123,37 @@ mod tests {
             b"# made by hand\nehsv,rig=A pos=0.1 1465839830100400200\n"
         ));
         assert!(!looks_like(b"time [s],a\n0,1\n"));
+    }
+
+    fn read_with(text: &str, given: &[(&str, &str)]) -> Result<crate::Recording, ReadError> {
+        let mut options = Options::default();
+        for (option, text) in given {
+            options.set(option, text).unwrap();
+        }
+        crate::intake::read(text.as_bytes(), crate::intake::MediaKind::Text, &options)
+    }
+
+    #[test]
+    fn a_field_of_quality_rates_the_value_beside_it() {
+        let text = |quality: [&str; 2]| {
+            let [first, second] = quality;
+            format!(
+                "pump value=1,quality={first} 1772439300000000000\npump value=2,quality={second} 1772439301000000000\n"
+            )
+        };
+        for bad in [r#""Bad""#, "false"] {
+            let recording = read_with(&text([r#""good""#, bad]), &[]).unwrap();
+            assert_eq!(recording.signals.len(), 1);
+            assert_eq!(recording.signals[0].values[0], 1.0);
+            assert!(recording.signals[0].values[1].is_nan(), "{bad}");
+        }
+        let codes = text(["192i", "0i"]);
+        let asked = read_with(&codes, &[]).unwrap_err();
+        assert_eq!(&*asked.faults()[0].code, "quality_scheme_needed");
+        let rated = read_with(&codes, &[("quality_scheme", "opc_da")]).unwrap();
+        assert!(rated.signals[0].values[1].is_nan());
+        let alone =
+            "pump p=1,quality=5i 1772439300000000000\npump p=2,quality=6i 1772439301000000000\n";
+        assert_eq!(read_with(alone, &[]).unwrap().signals.len(), 2);
     }
 }

@@ -133,20 +133,38 @@ fn receive_plain(
     options.refuse(&format.without(), format.name())?;
     let whole = Cursor::new(head.clone()).chain(text);
     match format {
-        Format::Json => json::read(whole, options.purpose).map(|mut recording| {
-            recording.source = options.source("json");
-            if options.name.is_some() {
-                recording.name.clone_from(&options.name);
-            }
-            ReceivedRecording::from(recording)
-        }),
         Format::InfluxLines => lines::read(whole, options, memory),
-        json if json.is_json() => historian::read(whole, json, options, memory),
+        json if json == Format::Json || json.is_json() => {
+            receive_json(whole, json, options, memory)
+        }
         csv => {
             let text = csv::SniffedText { head: &head, whole };
             csv::receive_as(csv, text, options, scratch, memory)
         }
     }
+}
+
+/// Receives a recording from a text of JSON, in which numbers may be none.
+fn receive_json(
+    text: impl Read,
+    format: Format,
+    options: &Options,
+    memory: &Memory,
+) -> Result<ReceivedRecording, ReadError> {
+    let (text, replaced) = json::PlainNumbers::of(text);
+    let mut received = match format {
+        Format::Json => {
+            let mut recording = json::read(text, options.purpose)?;
+            recording.source = options.source("json");
+            if options.name.is_some() {
+                recording.name.clone_from(&options.name);
+            }
+            ReceivedRecording::from(recording)
+        }
+        format => historian::read(text, format, options, memory)?,
+    };
+    received.header.notes.extend(replaced.note());
+    Ok(received)
 }
 
 /// Says how a text is read that begins so. Of a text that is no table only the format is told.

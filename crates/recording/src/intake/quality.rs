@@ -10,6 +10,7 @@
 //! | `ignition_legacy` (stored history) | 192 | 64 to 127 | all others |
 //! | `cognite` | 0 | top bits 01 | top bits 10 |
 //! | `is_good` | 1, yes | | 0, no |
+//! | `proficy` (REST of Proficy Historian) | 3 | 1 | 0, 2 (not available) |
 //! | `words` | good …, ok, true | uncertain …, questionable, doubtful | bad …, not good, invalid, false |
 //!
 //! A 0 is bad in one and good in another: where the format does not settle the scheme it is asked
@@ -29,10 +30,11 @@ pub(super) enum Scheme {
     IgnitionLegacy,
     Cognite,
     IsGood,
+    Proficy,
     Words,
 }
 
-const NAMES: [(&str, Scheme); 9] = [
+const NAMES: [(&str, Scheme); 10] = [
     ("opc_da", Scheme::OpcDa),
     ("opc_ua", Scheme::OpcUa),
     ("aveva_quality", Scheme::AvevaQuality),
@@ -41,6 +43,7 @@ const NAMES: [(&str, Scheme); 9] = [
     ("ignition_legacy", Scheme::IgnitionLegacy),
     ("cognite", Scheme::Cognite),
     ("is_good", Scheme::IsGood),
+    ("proficy", Scheme::Proficy),
     ("words", Scheme::Words),
 ];
 
@@ -119,9 +122,25 @@ impl Scheme {
                 0 => Class::Bad,
                 _ => return None,
             },
+            Self::Proficy => match code {
+                3 => Class::Good,
+                1 => Class::Uncertain,
+                0 | 2 => Class::Bad,
+                _ => return None,
+            },
             Self::Words => return None,
         };
         Some(class)
+    }
+}
+
+/// Every scheme whose codes have 192 calls it good.
+pub(super) fn is_good_everywhere(code: &Cell<'_>) -> bool {
+    match code {
+        Cell::Integer(code) => *code == 192,
+        Cell::Number(code) => *code == 192.0,
+        Cell::Text(text) => text.trim() == "192",
+        _ => false,
     }
 }
 
@@ -212,6 +231,8 @@ mod tests {
             (Scheme::IgnitionLegacy, 0, Bad),
             (Scheme::IgnitionLegacy, 192, Good),
             (Scheme::Cognite, 0, Good),
+            (Scheme::Proficy, 0, Bad),
+            (Scheme::Proficy, 3, Good),
         ] {
             assert_eq!(
                 scheme.class(&Cell::Integer(code)),

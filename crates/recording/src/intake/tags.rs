@@ -10,7 +10,7 @@ use super::error::{ReadError, ReadingFaults, no_signals};
 use super::memory::Memory;
 use super::options::{GridOption, Options, ReadingPurpose};
 use super::order::CoarseTimes;
-use super::quality::{Scheme, quality_schemes};
+use super::quality::{Scheme, is_good_everywhere, quality_schemes};
 use crate::columns::SampleColumns;
 use crate::{
     Class, ClassSpan, Interpolation, MAX_SIGNALS, ReceivedRecording, Recording, TimeAxis, Warning,
@@ -140,6 +140,16 @@ impl<'o> Tags<'o> {
         self.tags.push(Tag::new(key, short, column));
         self.by_key.insert(key.to_owned(), self.tags.len() - 1);
         Some(self.tags.len() - 1)
+    }
+
+    /// The tag of that name, where there is one.
+    pub(super) fn of_key(&self, key: &str) -> Option<usize> {
+        self.by_key.get(key).copied()
+    }
+
+    /// Gives a tag another key, by which it is called where its short name is not enough.
+    pub(super) fn set_key(&mut self, tag: usize, key: String) {
+        self.tags[tag].key = key;
     }
 
     /// What the source says of a tag; options win.
@@ -464,16 +474,6 @@ impl<'o> Tags<'o> {
             false => COMMON_SAMPLE_BYTES * self.tags.len() as u64 + COMMON_INSTANT_BYTES,
         };
         self.held_bytes() + each * common.instants.len() as u64
-    }
-}
-
-/// Every scheme whose codes have 192 calls it good.
-fn is_good_everywhere(code: &Cell<'_>) -> bool {
-    match code {
-        Cell::Integer(code) => *code == 192,
-        Cell::Number(code) => *code == 192.0,
-        Cell::Text(text) => text.trim() == "192",
-        _ => false,
     }
 }
 

@@ -131,18 +131,46 @@ impl PlainTitles {
         let mut qualities = QUALITIES.into_iter();
         qualities.find_map(|(name, scheme)| Some((self.column(&[name])?, scheme)))
     }
+
+    fn value_columns(&self) -> ValueColumns {
+        ValueColumns {
+            value: self.column(&VALUES),
+            quality: self.quality(),
+            unit: self.column(&UNITS),
+        }
+    }
+}
+
+/// Where in a row the value of a sample stands, and what is said of it.
+#[derive(Clone, Copy, Debug)]
+pub(in crate::intake) struct ValueColumns {
+    pub(in crate::intake) value: Option<usize>,
+    pub(in crate::intake) quality: Option<(usize, Option<Scheme>)>,
+    pub(in crate::intake) unit: Option<usize>,
+}
+
+impl ValueColumns {
+    /// What the titles say.
+    pub(in crate::intake) fn of(titles: &[&str]) -> Self {
+        PlainTitles::of(titles).value_columns()
+    }
 }
 
 impl LongColumns {
     /// What the titles say, where there are a time, a tag and a value among them.
     pub(in crate::intake) fn of(titles: &[&str]) -> Option<Self> {
         let titles = PlainTitles::of(titles);
+        let ValueColumns {
+            value,
+            quality,
+            unit,
+        } = titles.value_columns();
         Some(Self {
             time: titles.column(&TIMES)?,
             tag: titles.column(&TAGS)?,
-            values: vec![titles.column(&VALUES)?],
-            quality: titles.quality(),
-            unit: titles.column(&UNITS),
+            values: vec![value?],
+            quality,
+            unit,
         })
     }
 
@@ -253,7 +281,7 @@ impl LongColumns {
     }
 
     /// Tells which columns hold nothing of a sample; nothing where all of them do.
-    pub(super) fn left_out(&self, titles: &[&str]) -> Option<Warning> {
+    pub(in crate::intake) fn left_out(&self, titles: &[&str]) -> Option<Warning> {
         // Where a row has several qualities, the one that says most is taken.
         let plain = PlainTitles::of(titles);
         let is_quality = |column: usize| QUALITIES.iter().any(|(name, _)| *name == plain.0[column]);

@@ -37,7 +37,7 @@ pub(super) use fields::time_name_and_unit;
 use greybox_numerics::parsing::Fault;
 use header::Header;
 pub(super) use layout::layout;
-pub(super) use long_columns::LongColumns;
+pub(super) use long_columns::{LongColumns, ValueColumns};
 use rows::{TableRows, read_row};
 use sniff::{Fractions, Sniff};
 use std::io::Read;

@@ -1,10 +1,10 @@
-//! Frames of pandas: a row is an object (`orient="records"`, `"table"`) or an array beside the
-//! `columns` and the `index` (`"split"`).
+//! Frames of pandas with a schema: a row is an object (`orient="table"`) or an array beside the `columns` and the
+//! `index` (`"split"`). What InfluxDB 1 answers is built like the latter.
 
 use super::super::Format;
 use super::super::cell::Cell;
 use super::super::clock::Clock;
-use super::super::csv::{LongColumns, time_name_and_unit};
+use super::super::csv::time_name_and_unit;
 use super::super::tags::{Quality, RawSample, Tags};
 use super::walk::{Fields, JsonLeaf, Surroundings, Visit};
 
@@ -64,31 +64,6 @@ impl<'o> Frame<'o> {
         self.tags.clock = Clock::new(&time, unit, self.tags.options);
         self.time = Some(time.clone());
         time
-    }
-
-    /// Takes a sample that is an object of its own, which names its tag.
-    fn push_sample(&mut self, around: &Surroundings<'_>, fields: &Fields, places: &LongColumns) {
-        let place = |code, detail: String| around.fault(code, &detail);
-        let cell = |column: usize| fields.0[column].1.cell();
-        let text = |column: usize| fields.0[column].1.text();
-        let name = text(places.tag).unwrap_or_default();
-        let Some(tag) = self.tags.tag(&name, &place) else {
-            return;
-        };
-        let unit = places.unit.and_then(text);
-        self.tags.describe(tag, unit.as_deref(), None, &place);
-        for value in &places.values {
-            let sample = RawSample {
-                tag,
-                time: cell(places.time),
-                value: cell(*value),
-                quality: match places.quality {
-                    Some((column, _)) => Quality::Code(cell(column)),
-                    None => Quality::Unsaid,
-                },
-            };
-            self.tags.push(&sample, &place);
-        }
     }
 
     fn push<'c>(
@@ -156,12 +131,6 @@ impl Visit for Frame<'_> {
             _ => None,
         };
         let columns: Vec<&str> = fields.0.iter().map(|(name, _)| &**name).collect();
-        let samples = LongColumns::of(&columns).filter(|_| self.format == Format::PandasRecords);
-        if let Some(places) = samples {
-            self.time_of(&[columns[places.time]], None);
-            self.push_sample(around, fields, &places);
-            return true;
-        }
         let time = self.time_of(&columns, key.as_deref());
         let instant = fields.get(&time).map_or(Cell::Empty, JsonLeaf::cell);
         let values = fields.0.iter().filter(|(name, _)| **name != *time);
@@ -169,7 +138,7 @@ impl Visit for Frame<'_> {
         true
     }
 
-    fn row(&mut self, around: &Surroundings<'_>, cells: &[JsonLeaf]) {
+    fn row(&mut self, around: &Surroundings<'_>, cells: &[JsonLeaf]) -> bool {
         let list = |name| match around.field(&[name]) {
             Some(JsonLeaf::List(list)) => Some(list),
             _ => None,
@@ -179,7 +148,7 @@ impl Visit for Frame<'_> {
             self.tags
                 .faults
                 .invalid(around.fault("columns_missing", detail));
-            return;
+            return true;
         };
         let names: Vec<String> = columns.iter().filter_map(JsonLeaf::text).collect();
         let of_row = list("index").and_then(|index| index.get(around.index()));
@@ -198,6 +167,7 @@ impl Visit for Frame<'_> {
             &instant,
             values.map(|(name, leaf)| (name.as_str(), leaf)),
         );
+        true
     }
 
     fn is_full(&self) -> bool {

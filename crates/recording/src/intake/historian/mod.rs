@@ -1,12 +1,15 @@
-//! JSON of historians: PI Web API, OMF, AVEVA OData, Canary, OPC UA, Cognite and pandas.
+//! JSON of historians: PI Web API, OMF, AVEVA OData, Canary, OPC UA, Cognite, pandas, and all else that has times
+//! beside values.
 //!
 //! All of them are objects within arrays within objects. One walk ([`walk`]) hands over each object
 //! as it is completed, with the fields of those around it that were read so far; what it means
-//! is the format's ([`records`] where a sample is an object, [`frames`] where a row is one). No tree
-//! of the document is made.
+//! is the format's ([`records`] where a sample is an object, [`frames`] where a row is one). Of a document of no format
+//! that is known, what is in it is told by how it is built ([`shapes`]). No tree of the document is made.
 
+mod cognite;
 mod frames;
 mod records;
+mod shapes;
 mod walk;
 
 use super::clock::Clock;
@@ -17,6 +20,7 @@ use super::{Format, ReadError};
 use crate::ReceivedRecording;
 use frames::Frame;
 use records::Records;
+use shapes::Shapes;
 use std::io::{BufReader, Read};
 use walk::walk;
 
@@ -34,7 +38,7 @@ pub(super) fn recognised(head: &[u8]) -> Format {
         (has("signals") && !is_array && !are_lines, Format::Json),
         (has("containerid") || has("streamingdata"), Format::Omf),
         (has("@odata.context") || has("FQN"), Format::AvevaOdata),
-        (has("datapoints"), Format::Cognite),
+        (has("datapoints") && has("timestamp"), Format::Cognite),
         (
             has("SourceTimestamp") || has("ServerTimestamp") || has("UaType"),
             Format::OpcUaJson,
@@ -57,7 +61,8 @@ pub(super) fn recognised(head: &[u8]) -> Format {
     match marked {
         Some((_, format)) => format,
         None if is_array || are_lines => Format::PandasRecords,
-        None => Format::Json,
+        None if has("sample_time_s") => Format::Json,
+        None => Format::JsonSeries,
     }
 }
 
@@ -76,20 +81,26 @@ pub(super) fn read(
     memory: &Memory,
 ) -> Result<ReceivedRecording, ReadError> {
     let source = BufReader::new(source);
-    let is_frame = matches!(
-        format,
-        Format::PandasRecords | Format::PandasSplit | Format::PandasTable | Format::InfluxJson
-    );
     let clock = Clock::new("timestamp", "", options);
     let tags = Tags::new(clock, options, Records::scheme(format), memory);
-    if is_frame {
-        let mut frame = Frame::new(format, tags);
-        walk(source, memory, &mut frame)?;
-        return frame.into_tags().into_received(format.name());
+    match format {
+        Format::PandasRecords | Format::JsonSeries => {
+            let mut shapes = Shapes::new(format, tags);
+            walk(source, memory, &mut shapes)?;
+            shapes.into_tags()
+        }
+        Format::PandasSplit | Format::PandasTable | Format::InfluxJson => {
+            let mut frame = Frame::new(format, tags);
+            walk(source, memory, &mut frame)?;
+            frame.into_tags()
+        }
+        _ => {
+            let mut records = Records::new(format, tags);
+            walk(source, memory, &mut records)?;
+            records.into_tags()
+        }
     }
-    let mut records = Records::new(format, tags);
-    walk(source, memory, &mut records)?;
-    records.into_tags().into_received(format.name())
+    .into_received(format.name())
 }
 
 #[cfg(test)]

@@ -7,12 +7,13 @@
 //! | AVEVA OData | `{"FQN", "DateTime", "OpcQuality", "Value"}` | `FQN` |
 //! | Canary | `{"t", "v", "q"}` or `[t, v, q]` | the key of the array |
 //! | OPC UA | `{"Value", "SourceTimestamp", "Status"}`; no status is good | a name around it, or the key |
-//! | Cognite | `{"timestamp", "value", "status"}`; no status is good | `externalId` or `id` around it |
+//! | Cognite | `{"timestamp", "value", "status"}`, or an aggregate for the value; no status is good | `externalId` or `id` around it |
 
 use super::super::Format;
 use super::super::cell::Cell;
 use super::super::quality::Scheme;
 use super::super::tags::{Quality, RawSample, Tags};
+use super::cognite;
 use super::walk::{Fields, JsonLeaf, Surroundings, Visit};
 use crate::{Class, Interpolation, Warning};
 use greybox_numerics::parsing::Fault;
@@ -31,6 +32,8 @@ pub(super) struct Records<'o> {
     counts: Vec<usize>,
     /// The source says that there is more.
     goes_on: bool,
+    /// The last sample has the unit of its signal.
+    has_unit: bool,
 }
 
 /// A sample and where it belongs.
@@ -51,6 +54,7 @@ impl<'o> Records<'o> {
             tags,
             counts: Vec::new(),
             goes_on: false,
+            has_unit: true,
         }
     }
 
@@ -151,7 +155,7 @@ impl<'o> Records<'o> {
             time: fields.get("Timestamp"),
             value: value.map_or(Cell::Empty, JsonLeaf::cell),
             quality: Quality::Of(class),
-            unit: unit.and_then(as_text),
+            unit: unit.and_then(JsonLeaf::as_text),
             interpolation: None,
         };
         self.push(around, &record);
@@ -175,8 +179,17 @@ impl<'o> Records<'o> {
             .field(&["containerid", "id"])
             .and_then(JsonLeaf::text);
         let container = container.unwrap_or_else(|| UNNAMED.to_owned());
-        for (field, leaf) in fields.0.iter().filter(|(key, _)| **key != **time_key) {
-            let name = match field.eq_ignore_ascii_case("value") {
+        let is_value = |key: &str| key.eq_ignore_ascii_case("value");
+        let has_value = fields.0.iter().any(|(key, _)| is_value(key));
+        let rates = |key: &str| has_value && key.eq_ignore_ascii_case("quality");
+        let quality = fields.0.iter().find(|(key, _)| rates(key));
+        let is_time = |key: &str| key == *time_key;
+        let properties = fields
+            .0
+            .iter()
+            .filter(|(key, _)| !is_time(key) && !rates(key));
+        for (field, leaf) in properties {
+            let name = match is_value(field) {
                 true => container.clone(),
                 false => format!("{container}.{field}"),
             };
@@ -185,7 +198,7 @@ impl<'o> Records<'o> {
                 name,
                 time: fields.get(time_key),
                 value: leaf.cell(),
-                quality: Quality::Unsaid,
+                quality: code(quality.map(|(_, leaf)| leaf).filter(|_| is_value(field))),
                 unit: None,
                 interpolation: None,
             };
@@ -212,7 +225,7 @@ impl<'o> Records<'o> {
             quality: code(fields.get("OpcQuality")),
             unit: ["Unit", "EngUnit"]
                 .iter()
-                .find_map(|name| as_text(fields.get(name)?)),
+                .find_map(|name| fields.get(name)?.as_text()),
             interpolation: None,
         };
         self.push(around, &record);
@@ -283,6 +296,7 @@ impl<'o> Records<'o> {
 
     fn cognite(&mut self, around: &Surroundings<'_>, fields: &Fields) -> bool {
         if !fields.has("timestamp") {
+            self.cognite_series(around, fields);
             return false;
         }
         let name = around.field(&["externalId", "id"]).and_then(JsonLeaf::text);
@@ -295,24 +309,50 @@ impl<'o> Records<'o> {
             Some(JsonLeaf::Object(status)) => status.get("code"),
             status => status,
         };
-        let record = HistorianSample {
-            key: name.clone(),
-            name,
-            time: fields.get("timestamp"),
-            value: fields.get("value").map_or(Cell::Empty, JsonLeaf::cell),
-            quality: code(status),
-            unit: around.field(&["unit"]).and_then(as_text),
-            interpolation: step,
+        let keys = match cognite::values(fields, &self.tags.options.table.values) {
+            Ok(keys) => keys,
+            Err(detail) => {
+                let fault = Fault {
+                    parameter: Some("value".into()),
+                    ..around.fault("layout_unclear", &detail)
+                };
+                self.fault(fault);
+                return true;
+            }
         };
-        self.push(around, &record);
+        let unit = around.objects.last().and_then(cognite::unit_of);
+        for key in &keys {
+            self.has_unit = cognite::has_unit(key);
+            let name = match keys.len() {
+                1 => name.clone(),
+                _ => format!("{name}.{key}"),
+            };
+            let record = HistorianSample {
+                key: name.clone(),
+                name,
+                time: fields.get("timestamp"),
+                value: fields.get(key).map_or(Cell::Empty, JsonLeaf::cell),
+                quality: code(status),
+                unit: unit.filter(|_| self.has_unit),
+                interpolation: step,
+            };
+            self.push(around, &record);
+        }
         true
     }
-}
 
-fn as_text(leaf: &JsonLeaf) -> Option<&str> {
-    match leaf {
-        JsonLeaf::Text(text) => Some(text),
-        _ => None,
+    /// Takes the unit of a signal of Cognite, which may stand behind its datapoints.
+    fn cognite_series(&mut self, around: &Surroundings<'_>, fields: &Fields) {
+        let name = ["externalId", "id"]
+            .iter()
+            .find_map(|name| fields.get(name)?.text());
+        let unit = cognite::unit_of(fields).filter(|_| self.has_unit);
+        let place = |code, detail: String| around.fault(code, &detail);
+        if let (true, Some(name), Some(unit)) = (fields.has("datapoints"), name, unit)
+            && let Some(tag) = self.tags.of_key(&name)
+        {
+            self.tags.describe(tag, Some(unit), None, &place);
+        }
     }
 }
 
@@ -340,10 +380,11 @@ impl Visit for Records<'_> {
         }
     }
 
-    fn row(&mut self, around: &Surroundings<'_>, cells: &[JsonLeaf]) {
+    fn row(&mut self, around: &Surroundings<'_>, cells: &[JsonLeaf]) -> bool {
         if self.format == Format::Canary {
             self.canary(around, [cells.first(), cells.get(1), cells.get(2)]);
         }
+        true
     }
 
     fn is_full(&self) -> bool {

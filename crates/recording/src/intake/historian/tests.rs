@@ -80,3 +80,103 @@ fn what_influxdb_1_answers_is_read_by_series() {
     assert_eq!(values(&two, "oil,rig=B p")[0], 5.0);
     assert_eq!(values(&two, "oil,rig=A p")[0], 1.0);
 }
+
+fn read_with(text: &str, given: &[(&str, &str)]) -> Result<Recording, ReadError> {
+    let mut options = Options::default();
+    for (option, text) in given {
+        options.set(option, text).unwrap();
+    }
+    intake::read(text.as_bytes(), MediaKind::Text, &options)
+}
+
+/// An answer of Cognite with two datapoints of these fields, and these fields beside them.
+fn datapoints(points: [&str; 2], before: &str, behind: &str) -> String {
+    let [first, second] = points;
+    format!(
+        r#"{{"items": [{{"externalId": "PT"{before}, "datapoints": [{{"timestamp": 1772439300000, {first}}},
+            {{"timestamp": 1772439301000, {second}}}]{behind}}}]}}"#
+    )
+}
+
+#[test]
+fn the_one_aggregate_of_cognite_is_the_value_and_several_are_asked_about() {
+    let averages = datapoints(
+        [r#""average": 3"#, r#""average": 4"#],
+        r#", "unit": "bar""#,
+        "",
+    );
+    assert_eq!(values(&read(&averages).unwrap(), "PT"), [3e5, 4e5]);
+    let counts = datapoints([r#""count": 3"#, r#""count": 4"#], "", r#", "unit": "bar""#);
+    let counted = read(&counts).unwrap();
+    assert_eq!(values(&counted, "PT"), [3.0, 4.0]);
+    assert_eq!(counted.signals[0].unit, "");
+    let point = r#""average": 3, "max": 5, "count": 7"#;
+    let several = datapoints([point, point], r#", "unit": "bar""#, "");
+    let asked = read(&several).unwrap_err();
+    let fault = &asked.faults()[0];
+    assert_eq!(
+        (&*fault.code, fault.parameter.as_deref()),
+        ("layout_unclear", Some("value"))
+    );
+    let max = read_with(&several, &[("value", "max")]).unwrap();
+    assert_eq!(values(&max, "PT"), [5e5, 5e5]);
+    let both = read_with(&several, &[("value", "max,count")]).unwrap();
+    assert_eq!(
+        (values(&both, "PT.max")[0], values(&both, "PT.count")[0]),
+        (5e5, 7.0)
+    );
+}
+
+#[test]
+fn a_unit_of_the_catalog_of_cognite_is_read_before_and_behind_the_datapoints() {
+    let points = [r#""value": 1"#, r#""value": 2"#];
+    for (id, unit, si) in [
+        ("pressure:bar", "Pa", [1e5, 2e5]),
+        ("temperature:deg_c", "K", [274.15, 275.15]),
+        ("x:parsec", "", [1.0, 2.0]),
+    ] {
+        let id = format!(r#", "unitExternalId": "{id}""#);
+        for text in [datapoints(points, &id, ""), datapoints(points, "", &id)] {
+            let recording = read(&text).unwrap();
+            assert_eq!(
+                (values(&recording, "PT"), &*recording.signals[0].unit),
+                (&si[..], unit),
+                "{text}"
+            );
+        }
+    }
+}
+
+#[test]
+fn a_quality_beside_a_value_of_omf_rates_it() {
+    let text = |quality: [&str; 3]| {
+        let value = |k: usize| {
+            format!(
+                r#"{{"Timestamp": "2026-03-02T08:15:0{k}Z", "Value": {k}, "Quality": {}}}"#,
+                quality[k]
+            )
+        };
+        format!(
+            r#"[{{"containerid": "PT", "values": [{}]}}]"#,
+            [0, 1, 2].map(value).join(",")
+        )
+    };
+    let good = read(&text(["192"; 3])).unwrap();
+    assert_eq!(
+        (good.signals.len(), values(&good, "PT")),
+        (1, &[0.0, 1.0, 2.0][..])
+    );
+    let coded = text(["192", "0", "192"]);
+    assert_eq!(
+        &*read(&coded).unwrap_err().faults()[0].code,
+        "quality_scheme_needed"
+    );
+    let rated = read_with(&coded, &[("quality_scheme", "opc_da")]).unwrap();
+    assert!(values(&rated, "PT")[1].is_nan());
+    let properties = r#"[{"containerid": "rig", "values": [{"Timestamp": "2026-03-02T08:15:00Z", "p": 1, "Quality": 7},
+                          {"Timestamp": "2026-03-02T08:15:01Z", "p": 2, "Quality": 8}]}]"#;
+    assert_eq!(
+        values(&read(properties).unwrap(), "rig.Quality"),
+        [7.0, 8.0]
+    );
+}

@@ -39,10 +39,23 @@ pub(super) struct Fields(pub(super) Vec<(Rc<str>, JsonLeaf)>);
 pub(super) struct Surroundings<'w> {
     pub(super) objects: &'w [Fields],
     path: &'w [PathStep],
+    /// How many steps of the path number the documents of a text of several.
+    document_steps: usize,
 }
 
-#[derive(Clone, Debug)]
-enum PathStep {
+/// An object around a place, and the way from it to the place.
+#[derive(Clone, Copy)]
+pub(super) struct Level<'w> {
+    /// The key of the field through which the way leads.
+    pub(super) key: &'w str,
+    /// The fields of the object, as far as they were read.
+    pub(super) fields: &'w Fields,
+    /// The place of the object in its list, where it stands in one.
+    pub(super) index: Option<usize>,
+}
+
+#[derive(Clone, Debug, PartialEq)]
+pub(super) enum PathStep {
     Key(Rc<str>),
     Index(usize),
 }
@@ -52,8 +65,16 @@ pub(super) trait Visit {
     /// An object that is complete. Answers whether it took it.
     fn object(&mut self, around: &Surroundings<'_>, fields: &Fields) -> bool;
 
-    /// An array of scalars within an array.
-    fn row(&mut self, around: &Surroundings<'_>, cells: &[JsonLeaf]);
+    /// An array of scalars within an array. Answers whether it took it.
+    fn row(&mut self, around: &Surroundings<'_>, cells: &[JsonLeaf]) -> bool;
+
+    /// Elements of a list that were not taken, where others of the list were.
+    fn left_over(&mut self, _around: &Surroundings<'_>, _elements: usize) {}
+
+    /// Whether lists of objects and of lists that were not taken are kept for the object around them.
+    fn keeps_lists(&self) -> bool {
+        false
+    }
 
     /// Whether reading on is pointless.
     fn is_full(&self) -> bool;
@@ -72,6 +93,7 @@ pub(super) fn walk(
         visit,
         objects: Vec::new(),
         path: Vec::new(),
+        document_steps: 0,
         keys: Vec::new(),
     };
     let walked = through(source, &mut walker);
@@ -87,26 +109,32 @@ fn through<V: Visit>(
     walker: &mut Walker<'_, V>,
 ) -> Result<(), serde_json::Error> {
     let mut text = serde_json::Deserializer::from_reader(source);
+    let (mut taken, mut left) = (0, 0);
     for document in 1.. {
         let node = LeafSeed {
             walker: &mut *walker,
             in_list: false,
         };
         let leaf = node.deserialize(&mut text)?;
+        match leaf {
+            JsonLeaf::Taken => taken += 1,
+            _ => left += 1,
+        }
         // Objects on lines of their own are documents that follow each other.
         match text.end() {
             Err(error) if !walker.visit.is_full() => {
-                let is_scalar = !matches!(
-                    leaf,
-                    JsonLeaf::Taken | JsonLeaf::Object(_) | JsonLeaf::List(_)
-                );
-                if error.is_io() || is_scalar {
+                if error.is_io() || leaf.is_scalar() {
                     return Err(error);
                 }
             }
             _ => break,
         }
         walker.path = vec![PathStep::Index(document)];
+        walker.document_steps = 1;
+    }
+    if taken > 0 && left > 0 {
+        walker.path.clear();
+        walker.leave_over(left);
     }
     Ok(())
 }
@@ -120,7 +148,30 @@ struct Walker<'v, V> {
     visit: &'v mut V,
     objects: Vec<Fields>,
     path: Vec<PathStep>,
+    document_steps: usize,
     keys: Vec<Rc<str>>,
+}
+
+impl<V: Visit> Walker<'_, V> {
+    /// Hands over a row of scalars; answers whether it was taken.
+    fn hand_over(&mut self, cells: &[JsonLeaf]) -> bool {
+        let around = Surroundings {
+            objects: &self.objects,
+            path: &self.path,
+            document_steps: self.document_steps,
+        };
+        self.visit.row(&around, cells)
+    }
+
+    /// Tells of elements that were not taken beside others that were.
+    fn leave_over(&mut self, elements: usize) {
+        let around = Surroundings {
+            objects: &self.objects,
+            path: &self.path,
+            document_steps: self.document_steps,
+        };
+        self.visit.left_over(&around, elements);
+    }
 }
 
 impl<V> Walker<'_, V> {
@@ -209,8 +260,8 @@ impl<'de, V: Visit> Visitor<'de> for LeafSeed<'_, '_, V> {
 
     fn visit_seq<A: SeqAccess<'de>>(self, mut seq: A) -> Result<JsonLeaf, A::Error> {
         let walker = self.walker;
-        let mut scalars = Vec::new();
-        let mut all_scalars = true;
+        let (mut elements, mut taken, mut all_scalars) = (Vec::new(), 0, true);
+        let keeps_lists = walker.visit.keeps_lists();
         let held = walker.held;
         for index in 0.. {
             walker.path.push(PathStep::Index(index));
@@ -220,31 +271,28 @@ impl<'de, V: Visit> Visitor<'de> for LeafSeed<'_, '_, V> {
             };
             let element = seq.next_element_seed(node)?;
             walker.path.pop();
-            match element {
-                None => break,
-                Some(JsonLeaf::List(_) | JsonLeaf::Object(_) | JsonLeaf::Taken) => {
-                    all_scalars = false
-                }
-                Some(scalar) => {
-                    walker.hold(&scalar, VALUE_BYTES)?;
-                    scalars.push(scalar);
-                }
+            let Some(leaf) = element else {
+                break;
+            };
+            let is_scalar = leaf.is_scalar();
+            all_scalars &= is_scalar;
+            if leaf == JsonLeaf::Taken {
+                taken += 1;
+            } else if is_scalar || keeps_lists {
+                walker.hold(&leaf, VALUE_BYTES)?;
+                elements.push(leaf);
             }
         }
-        if self.in_list && all_scalars {
-            let around = Surroundings {
-                objects: &walker.objects,
-                path: &walker.path,
-            };
-            walker.visit.row(&around, &scalars);
+        let is_row = self.in_list && all_scalars;
+        let is_kept = all_scalars || keeps_lists && taken == 0;
+        if is_row && walker.hand_over(&elements) || !is_kept {
             walker.let_go(held);
+            if keeps_lists && !elements.is_empty() && !is_row {
+                walker.leave_over(elements.len());
+            }
             return Ok(JsonLeaf::Taken);
         }
-        if all_scalars {
-            return Ok(JsonLeaf::List(scalars));
-        }
-        walker.let_go(held);
-        Ok(JsonLeaf::Taken)
+        Ok(JsonLeaf::List(elements))
     }
 
     fn visit_map<A: MapAccess<'de>>(self, mut map: A) -> Result<JsonLeaf, A::Error> {
@@ -267,6 +315,7 @@ impl<'de, V: Visit> Visitor<'de> for LeafSeed<'_, '_, V> {
         let around = Surroundings {
             objects: &walker.objects,
             path: &walker.path,
+            document_steps: walker.document_steps,
         };
         let is_taken = walker.visit.is_full() || walker.visit.object(&around, &fields);
         if is_taken {
@@ -315,6 +364,53 @@ impl Surroundings<'_> {
         })
     }
 
+    /// The objects around, from the innermost.
+    pub(super) fn levels(&self) -> Vec<Level<'_>> {
+        let mut objects = self.objects.iter();
+        let (mut index, mut levels) = (None, Vec::with_capacity(self.objects.len()));
+        for (k, step) in self.path.iter().enumerate() {
+            match step {
+                PathStep::Index(place) => index = (k >= self.document_steps).then_some(*place),
+                PathStep::Key(key) => levels.extend(objects.next().map(|fields| Level {
+                    key,
+                    fields,
+                    index: index.take(),
+                })),
+            }
+        }
+        levels.reverse();
+        levels
+    }
+
+    /// The path of the list around, with the place of that list in another one.
+    pub(super) fn list(&self) -> (&[PathStep], Option<usize>) {
+        let list = match self.path.split_last() {
+            Some((PathStep::Index(_), list)) => list,
+            _ => self.path,
+        };
+        let index = match list.last() {
+            Some(PathStep::Index(index)) if list.len() > self.document_steps => Some(*index),
+            _ => None,
+        };
+        (list, index)
+    }
+
+    /// The place of an element in its list, where it stands in one.
+    pub(super) fn place_in_list(&self) -> Option<usize> {
+        match self.path.last() {
+            Some(PathStep::Index(index)) if self.path.len() > self.document_steps => Some(*index),
+            _ => None,
+        }
+    }
+
+    /// The key of the field that the place is, where it is one.
+    pub(super) fn field_key(&self) -> Option<&str> {
+        match self.path.last() {
+            Some(PathStep::Key(key)) => Some(key),
+            _ => None,
+        }
+    }
+
     /// The place of an element in its array.
     pub(super) fn index(&self) -> usize {
         match self.path.last() {
@@ -323,13 +419,18 @@ impl Surroundings<'_> {
         }
     }
 
-    /// A fault at this place.
-    pub(super) fn fault(&self, code: &'static str, detail: &str) -> Fault {
+    /// The place as a pointer.
+    pub(super) fn pointer(&self) -> String {
         let steps = self.path.iter().map(|step| match step {
             PathStep::Key(key) => format!("/{}", key.replace('~', "~0").replace('/', "~1")),
             PathStep::Index(index) => format!("/{index}"),
         });
-        at_pointer(steps.collect(), code, detail)
+        steps.collect()
+    }
+
+    /// A fault at this place.
+    pub(super) fn fault(&self, code: &'static str, detail: &str) -> Fault {
+        at_pointer(self.pointer(), code, detail)
     }
 }
 
@@ -362,6 +463,14 @@ impl JsonLeaf {
         }
     }
 
+    /// The text that the leaf is.
+    pub(super) fn as_text(&self) -> Option<&str> {
+        match self {
+            Self::Text(text) => Some(text),
+            _ => None,
+        }
+    }
+
     /// A text, or a number as one.
     pub(super) fn text(&self) -> Option<String> {
         match self {
@@ -369,6 +478,11 @@ impl JsonLeaf {
             Self::Integer(number) => Some(number.to_string()),
             _ => None,
         }
+    }
+
+    /// Whether the leaf holds no others.
+    pub(super) fn is_scalar(&self) -> bool {
+        !matches!(self, Self::List(_) | Self::Object(_) | Self::Taken)
     }
 
     /// Whether the leaf is the boolean `true`.

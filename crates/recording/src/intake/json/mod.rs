@@ -13,6 +13,7 @@
 mod document;
 mod node;
 mod scalar;
+mod tokens;
 
 use super::error::malformed;
 use super::{ReadError, ReadingPurpose};
@@ -23,6 +24,7 @@ use node::DocumentTarget;
 use serde::de::DeserializeSeed;
 use serde_json::error::Category;
 use std::io::{BufReader, Read};
+pub(super) use tokens::PlainNumbers;
 
 /// Reads a recording.
 ///
