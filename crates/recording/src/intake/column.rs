@@ -459,9 +459,10 @@ fn not_a_number(cell: &Cell<'_>) -> String {
     };
     let text = excerpt(text.trim());
     // A word is a value that is missing more often than a number that is written wrong.
-    let missing = match text.contains(char::is_numeric) {
-        true => String::new(),
-        false => format!("; where it stands for a missing sample, say missing={text}"),
+    let is_word = text.contains(char::is_alphabetic) || !text.contains(char::is_numeric);
+    let missing = match is_word {
+        false => String::new(),
+        true => format!("; where it stands for a missing sample, say missing={text}"),
     };
     format!("`{text}` is not a number{advice}{missing}")
 }

@@ -9,7 +9,8 @@
 //! | `ignition` (8 and later) | 0 and 192 to 255, the low 16 bits | top bits 01 | top bits 10 |
 //! | `ignition_legacy` (stored history) | 192 | 64 to 127 | all others |
 //! | `cognite` | 0 | top bits 01 | top bits 10 |
-//! | `is_good` | 1, yes | | 0, no |
+//! | `is_good` | 1, yes, true | | 0, no, false |
+//! | `is_bad` | 0, no, false | | 1, yes, true |
 //! | `proficy` (REST of Proficy Historian) | 3 | 1 | 0, 2 (not available) |
 //! | `words` | good …, ok, true | uncertain …, questionable, doubtful | bad …, not good, invalid, false |
 //!
@@ -30,11 +31,12 @@ pub(super) enum Scheme {
     IgnitionLegacy,
     Cognite,
     IsGood,
+    IsBad,
     Proficy,
     Words,
 }
 
-const NAMES: [(&str, Scheme); 10] = [
+const NAMES: [(&str, Scheme); 11] = [
     ("opc_da", Scheme::OpcDa),
     ("opc_ua", Scheme::OpcUa),
     ("aveva_quality", Scheme::AvevaQuality),
@@ -43,6 +45,7 @@ const NAMES: [(&str, Scheme); 10] = [
     ("ignition_legacy", Scheme::IgnitionLegacy),
     ("cognite", Scheme::Cognite),
     ("is_good", Scheme::IsGood),
+    ("is_bad", Scheme::IsBad),
     ("proficy", Scheme::Proficy),
     ("words", Scheme::Words),
 ];
@@ -66,10 +69,20 @@ impl Scheme {
         if let Cell::Text(text) = code
             && let Some(class) = word(text)
         {
-            return Some(class);
+            let is_answer = ["true", "false", "yes", "no"]
+                .iter()
+                .any(|answer| text.trim().eq_ignore_ascii_case(answer));
+            return match class {
+                Class::Good if self == Self::IsBad && is_answer => Some(Class::Bad),
+                Class::Bad if self == Self::IsBad && is_answer => Some(Class::Good),
+                class => Some(class),
+            };
         }
         let code = match code {
             Cell::Empty => return Some(Class::Good),
+            Cell::Bool(bad) if self == Self::IsBad => {
+                return Some(if *bad { Class::Bad } else { Class::Good });
+            }
             Cell::Bool(good) => return Some(if *good { Class::Good } else { Class::Bad }),
             Cell::Integer(code) => *code,
             Cell::Number(code) if code.fract() == 0.0 => *code as i64,
@@ -91,6 +104,8 @@ impl Scheme {
             Self::OpcDa => match code & 0xC0 {
                 0xC0 => Class::Good,
                 0x40 => Class::Uncertain,
+                // The specification leaves these codes out.
+                0x80 => return None,
                 _ => Class::Bad,
             },
             Self::OpcUa | Self::Cognite => severity(code),
@@ -122,6 +137,7 @@ impl Scheme {
                 0 => Class::Bad,
                 _ => return None,
             },
+            Self::IsBad => return Self::IsGood.class_of(code.checked_neg()?.checked_add(1)?),
             Self::Proficy => match code {
                 3 => Class::Good,
                 1 => Class::Uncertain,
@@ -193,7 +209,7 @@ fn begun(word: &str) -> Option<Class> {
 
 /// Words mean the same wherever they stand. Sources say more behind the first of them: `Bad, Not Connected`,
 /// `Bad [Comm Failure]`, `GoodClamped`.
-fn word(text: &str) -> Option<Class> {
+pub(super) fn word(text: &str) -> Option<Class> {
     let text = text.trim().to_ascii_lowercase();
     let class = match text.as_str() {
         "" | "ok" | "true" | "yes" => Class::Good,
@@ -217,6 +233,8 @@ mod tests {
             (Scheme::OpcDa, 192, Good),
             (Scheme::OpcDa, 216, Good),
             (Scheme::OpcDa, 64, Uncertain),
+            (Scheme::IsBad, 1, Bad),
+            (Scheme::IsBad, 0, Good),
             (Scheme::OpcUa, 0, Good),
             (Scheme::OpcUa, 0x4000_0000, Uncertain),
             (Scheme::OpcUa, 0x8000_0000, Bad),
@@ -246,6 +264,9 @@ mod tests {
         assert_eq!(Scheme::OpcUa.class(&Cell::Text("OK (0x0)")), Some(Good));
         assert_eq!(Scheme::Words.class(&Cell::Integer(0)), None);
         assert_eq!(Scheme::OpcDa.class(&Cell::Text("x")), None);
+        assert_eq!(Scheme::OpcDa.class(&Cell::Integer(128)), None);
+        assert_eq!(Scheme::IsBad.class(&Cell::Text("False")), Some(Good));
+        assert_eq!(Scheme::IsBad.class(&Cell::Integer(i64::MIN)), None);
         for (text, class) in [
             ("Bad, Not Connected", Bad),
             ("Not Good", Bad),

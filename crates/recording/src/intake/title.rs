@@ -45,7 +45,7 @@ fn within(title: &str) -> Option<&str> {
 
 /// The unit behind a sign that stands before units: `p / bar`, `p, bar`, `p in bar`, `T, °C (LGR S/N: 1)`.
 fn behind(title: &str) -> Option<&str> {
-    const SIGNS: [&str; 5] = [" / ", " in ", ", ", " - ", "/"];
+    const SIGNS: [&str; 9] = [" / ", " in ", ", ", " - ", " EU=", "/", ":", "#", "|"];
     let remark = title
         .strip_suffix(')')
         .and_then(|title| title.rsplit_once(" ("));
@@ -54,9 +54,11 @@ fn behind(title: &str) -> Option<&str> {
         let (name, unit) = title.rsplit_once(sign)?;
         let unit = unit.trim();
         let is_one = match sign {
-            " / " | " in " => is_certain(unit),
-            // Paths have a bare `/` between names, and quotients between quantities.
-            "/" => !name.contains('/') && is_suffix(unit) && units::is_exact(unit),
+            " / " | " in " | " EU=" => is_certain(unit),
+            // Paths have bare signs between names, and quotients between quantities.
+            "/" | ":" | "#" | "|" => {
+                !name.contains(sign) && is_suffix(unit) && units::is_exact(unit)
+            }
             _ => is_certain(unit) && !is_letter(unit),
         };
         (!name.trim().is_empty() && is_one).then_some(unit)
@@ -123,6 +125,9 @@ mod tests {
             ("p/bar", "bar"),
             ("p in bar", "bar"),
             ("q, m3/h", "m3/h"),
+            ("PT101:bar", "bar"),
+            ("PT101 EU=bar", "bar"),
+            ("rig:p:bar", ""),
             ("p - bar", "bar"),
             ("p {bar}", "bar"),
             ("p <bar>", "bar"),

@@ -421,6 +421,10 @@ const TABLE: &[UnitRow] = &[
         row("1/s s-1 s^-1 s⁻¹", "rad/s", 1.0),
         "a number a second was read in rad/s, neither as revolutions nor as hertz",
     ),
+    remarked(
+        row("1/h h-1 h^-1 h⁻¹", "rad/s", 1.0 / 3600.0),
+        "a number an hour was read in rad/s, neither as revolutions nor as hertz",
+    ),
     row("rad/s² rad/s2 rad/s^2", "rad/s²", 1.0),
     row("m/s", "m/s", 1.0),
     row("mm/s", "m/s", 1e-3),

@@ -1,7 +1,7 @@
 //! What columns of times are called.
 
 /// Names of columns that are a time in seconds where nothing else is said.
-pub(super) const TIMES: [&str; 12] = [
+pub(super) const TIMES: [&str; 13] = [
     "time",
     "t",
     "times",
@@ -14,6 +14,7 @@ pub(super) const TIMES: [&str; 12] = [
     "zeit",
     "temps",
     "tiempo",
+    "xvalue",
 ];
 
 /// Names of columns that count samples.

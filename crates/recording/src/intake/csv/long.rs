@@ -75,7 +75,12 @@ fn push(tags: &mut Tags<'_>, places: &RowPlaces, record: &ByteRecord) -> Result<
             "" => Cow::Borrowed(field(columns.tag)),
             part => Cow::Owned(format!("{}.{part}", field(columns.tag))),
         };
-        let place = |code, detail: String| at_line(line, Some(&name), code, detail);
+        let place = |code, mut detail: String| {
+            if code == "quality_scheme_needed" {
+                detail.push_str(", or quality=none where all samples are good");
+            }
+            at_line(line, Some(&name), code, detail)
+        };
         let Some(tag) = tags.tag(&name, &place) else {
             continue;
         };

@@ -3,10 +3,10 @@
 use super::super::error::{ReadError, excerpt, invalid};
 use super::super::layout::ColumnRole;
 use super::super::options::{Decimal, Options};
-use super::super::quality::Scheme;
+use super::super::quality::{Scheme, word};
 use super::super::{title, value};
 use super::fields::{count_up, is_called_time};
-use crate::Warning;
+use crate::{Class, Warning};
 use greybox_numerics::parsing::Fault;
 use greybox_numerics::parsing::reader::did_you_mean;
 use std::collections::HashSet;
@@ -70,7 +70,7 @@ const VALUES: [&str; 16] = [
     "varvalue",
     "iptrendvalue",
 ];
-const QUALITIES: [(&str, Option<Scheme>); 23] = [
+const QUALITIES: [(&str, Option<Scheme>); 26] = [
     ("opcquality", Some(Scheme::OpcDa)),
     ("qualitydetail", Some(Scheme::AvevaQualityDetail)),
     ("quality", None),
@@ -92,8 +92,11 @@ const QUALITIES: [(&str, Option<Scheme>); 23] = [
     ("good", Some(Scheme::IsGood)),
     ("isvalid", Some(Scheme::IsGood)),
     ("valid", Some(Scheme::IsGood)),
-    ("validity", None),
+    ("validity", Some(Scheme::IsGood)),
     ("iptrendqstatus", None),
+    ("bad", Some(Scheme::IsBad)),
+    ("isbad", Some(Scheme::IsBad)),
+    ("questionable", Some(Scheme::IsBad)),
 ];
 const UNITS: [&str; 5] = ["unit", "units", "uom", "engunits", "unitsabbreviation"];
 
@@ -253,6 +256,9 @@ impl LongColumns {
             quality,
             unit: plain.column(&UNITS),
         };
+        if columns.quality.is_none() && table.quality.is_none() {
+            columns.quality = columns.ratings(rows).map(|column| (column, None));
+        }
         for title in &table.values {
             columns.values.push(column(titles, "value", title)?);
         }
@@ -301,6 +307,19 @@ impl LongColumns {
             first.trim_matches('`')
         );
         Some(Warning::of_recording("left_out_columns", detail))
+    }
+
+    /// A column that is nothing else and has nothing but words of quality, some of them bad.
+    fn ratings(&self, rows: &[Vec<String>]) -> Option<usize> {
+        let width = rows.iter().map(Vec::len).max().unwrap_or(0);
+        let are_ratings = |column: &usize| {
+            let fields = rows.iter().filter_map(|row| row.get(*column));
+            let filled: Vec<&String> = fields.filter(|field| !field.is_empty()).collect();
+            let classes: Option<Vec<Class>> = filled.iter().map(|field| word(field)).collect();
+            let is_rating = |classes: Vec<Class>| classes.iter().any(|class| *class != Class::Good);
+            self.role(*column) == ColumnRole::LeftOut && classes.is_some_and(is_rating)
+        };
+        (0..width).find(are_ratings)
     }
 
     /// The columns of numbers that are nothing else.

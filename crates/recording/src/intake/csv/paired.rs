@@ -7,7 +7,7 @@ use super::super::error::{ReadError, at_line, invalid};
 use super::super::layout::ColumnRole;
 use super::super::memory::Memory;
 use super::super::options::Options;
-use super::super::quality::may_rate;
+use super::super::quality::{Scheme, may_rate};
 use super::super::tags::{Quality, RawSample, Tags};
 use super::super::{stamp, title, value};
 use super::fields::{is_called_time, line_of, texts, time_name_and_unit};
@@ -72,10 +72,12 @@ impl PairedColumns {
         let rated = |column: usize| {
             let title = titles[column];
             let beside = column.checked_sub(1).map(|before| names[before]);
-            rated_by(title)
+            let behind = is_again(title) && is_quality_title(title)
+                || title.is_empty() && are_ratings(rows, column);
+            beside
+                .filter(|_| behind)
+                .or_else(|| rated_by(title))
                 .or_else(|| rated_by_letter(title, rows, column))
-                .or_else(|| beside.filter(|_| is_again(title) && is_quality_title(title)))
-                .or_else(|| beside.filter(|_| title.is_empty() && are_ratings(rows, column)))
         };
         let quality_of = |name: &str| {
             let mut columns = 0..titles.len();
@@ -122,6 +124,16 @@ fn is_quality_title(title: &str) -> bool {
     QUALITIES.contains(&plain.as_str())
 }
 
+/// What the codes of a column mean by its title, where the title says it.
+fn scheme_of_title(title: &str) -> Option<Scheme> {
+    let title = title.to_lowercase();
+    let is_good = ["isgood", "is_good", "isvalid", "is_valid"];
+    let says_good = is_good
+        .iter()
+        .any(|word| title.ends_with(word) || title.starts_with(word));
+    says_good.then_some(Scheme::IsGood)
+}
+
 /// Whether a column has nothing but codes or words of quality.
 fn are_ratings(rows: &[Vec<String>], column: usize) -> bool {
     let fields = rows.iter().filter_map(|row| row.get(column));
@@ -149,9 +161,14 @@ fn rated_by(title: &str) -> Option<&str> {
 /// of quality: `A_Q` beside `A`.
 fn rated_by_letter<'t>(title: &'t str, rows: &[Vec<String>], column: usize) -> Option<&'t str> {
     const LETTERS: [&str; 5] = ["q", "qf", "qc", "flag", "flags"];
-    let (name, word) = title.rsplit_once(['.', ' ', '_', ':', '/'])?;
-    let is_letter = LETTERS.contains(&word.to_lowercase().as_str());
-    (is_letter && are_ratings(rows, column)).then(|| name.trim())
+    const SIGNS: [char; 5] = ['.', ' ', '_', ':', '/'];
+    let is_letter = |word: &str| LETTERS.contains(&word.to_lowercase().as_str());
+    let behind = title.rsplit_once(SIGNS).filter(|(_, word)| is_letter(word));
+    let before = title.split_once(SIGNS).filter(|(word, _)| is_letter(word));
+    let name = behind
+        .map(|(name, _)| name)
+        .or(before.map(|(_, name)| name))?;
+    are_ratings(rows, column).then(|| name.trim())
 }
 
 /// Whether a column holds timestamps, or numbers that rise.
@@ -184,7 +201,13 @@ pub(super) fn read(
         return Err(invalid(at_line(1, None, "columns_missing", detail)));
     };
     let (name, unit) = time_name_and_unit(titles[columns.first().map_or(0, |series| series.time)]);
-    let mut tags = Tags::new(Clock::new(name, unit, options), options, None, memory);
+    let qualities = columns.iter().filter_map(|series| series.quality);
+    let mut schemes = qualities.map(|column| scheme_of_title(titles[column]));
+    let scheme = schemes
+        .next()
+        .flatten()
+        .filter(|first| schemes.all(|scheme| scheme == Some(*first)));
+    let mut tags = Tags::new(Clock::new(name, unit, options), options, scheme, memory);
     let mut series = Vec::new();
     for columns in columns {
         let title = titles[columns.value];

@@ -126,7 +126,10 @@ impl<R: Read> TextRows<R> {
         }
         if self.are_of_blanks {
             let position = record.position().cloned();
-            *record = record.iter().filter(|field| !field.is_empty()).collect();
+            // The sign of a comment is no field.
+            let mut fields = record.iter().filter(|field| !field.is_empty()).peekable();
+            fields.next_if(|field| [&b"#"[..], b"%"].contains(field));
+            *record = fields.collect();
             record.set_position(position);
         }
         Ok(is_one)

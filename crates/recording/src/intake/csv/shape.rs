@@ -326,8 +326,7 @@ struct FittedTitles {
     surplus: Vec<String>,
 }
 
-/// The titles without the sign of a comment before them and without those behind the last field of all rows, with an
-/// empty one for numbers of rows that have none.
+/// The titles without those behind the last field of all rows, with an empty one for numbers of rows that have none.
 fn fitted_titles(
     titles: &ByteRecord,
     below: &[Vec<String>],
@@ -337,13 +336,9 @@ fn fitted_titles(
     let most = most.unwrap_or(titles.len());
     let is_even = least == Some(most) && lengths.count() > 1;
     let fields: Vec<&[u8]> = titles.iter().collect();
-    let first = fields.first().map_or(&b""[..], |first| first.trim_ascii());
     let are_numbered = || count_up(below.iter().map(|row| row.first()));
     let mut surplus = Vec::new();
     let kept: Vec<&[u8]> = match fields.len() {
-        length if is_even && length == most + 1 && [&b"#"[..], b"%"].contains(&first) => {
-            fields[1..].to_vec()
-        }
         length if is_even && length + 1 == most && length > 0 && are_numbered() => {
             [&[&b""[..]], &fields[..]].concat()
         }

@@ -155,7 +155,7 @@ impl Sniff {
         }
     }
 
-    /// The column of a table between semicolons whose fields all may be thousands, as `1.452` of a plant that writes
+    /// The column of a table between semicolons or tabs whose fields all may be thousands, as `1.452` of a plant that writes
     /// commas before fractions.
     pub(super) fn thousands(&self) -> Option<usize> {
         let width = self.rows.iter().map(Vec::len).max().unwrap_or(0);
@@ -166,7 +166,9 @@ impl Sniff {
             let are_thousands = fields.all(|field| value::is_in_thousands(field, '.'));
             filled.len() > 1 && are_thousands
         };
-        (0..width).filter(|_| self.delimiter == b';').find(may_be)
+        (0..width)
+            .filter(|_| [b';', b'\t'].contains(&self.delimiter))
+            .find(may_be)
     }
 
     /// The title of a column.
