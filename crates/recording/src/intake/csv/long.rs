@@ -11,11 +11,14 @@ use super::super::title;
 use super::fields::{line_of, texts, time_name_and_unit};
 use super::long_columns::LongColumns;
 use super::rows::{TableRows, is_empty, read_row};
-use crate::ReceivedRecording;
+use crate::{ReceivedRecording, Warning};
 use ::csv::ByteRecord;
 use greybox_numerics::parsing::Fault;
 use std::borrow::Cow;
 use std::io::Read;
+
+/// Tags of rows by which `WinCC` tells that its runtime stopped, was disabled or failed.
+const STATE_OF_WINCC: &[u8] = b"$RT_";
 
 /// Reads all rows.
 pub(super) fn read(
@@ -49,10 +52,21 @@ pub(super) fn read(
     let scheme = places.columns.quality.and_then(|(_, scheme)| scheme);
     let mut tags = Tags::new(clock, options, scheme, memory);
     tags.notes.extend(places.columns.left_out(&titles));
+    let mut states = 0;
     while !tags.is_full() && read_row(&mut rows, &mut record)? {
-        if !is_empty(&record) {
+        let tag = record.get(places.columns.tag).unwrap_or_default();
+        if tag.starts_with(STATE_OF_WINCC) {
+            states += 1;
+        } else if !is_empty(&record) {
             push(&mut tags, &places, &record)?;
         }
+    }
+    if states > 0 {
+        let detail = format!(
+            "{states} rows of `$RT_…` tell that logging stopped or failed, and are no samples"
+        );
+        let note = Warning::of_recording("lines_left_out", detail);
+        tags.notes.push(note);
     }
     tags.into_received("long_csv")
 }

@@ -11,7 +11,7 @@ use greybox_numerics::parsing::Fault;
 use greybox_numerics::parsing::reader::did_you_mean;
 use std::collections::HashSet;
 
-const TIMES: [&str; 11] = [
+const TIMES: [&str; 14] = [
     "timestring",
     "timestamp",
     "datetime",
@@ -23,8 +23,11 @@ const TIMES: [&str; 11] = [
     "lastchanged",
     "lastupdated",
     "iptrendtime",
+    "timestampseconds",
+    "timeinseconds",
+    "timestamps",
 ];
-const TAGS: [&str; 26] = [
+const TAGS: [&str; 27] = [
     "tag",
     "tagname",
     "tagpath",
@@ -51,6 +54,7 @@ const TAGS: [&str; 26] = [
     "sensorid",
     "varname",
     "tagindex",
+    "alias",
 ];
 const VALUES: [&str; 16] = [
     "value",

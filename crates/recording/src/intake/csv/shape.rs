@@ -87,6 +87,7 @@ impl Shape {
             Some(header) => fields_of(&top_rows[header]),
             None => numbered_titles(width),
         };
+        let time = SplitTime::of(&titles, below);
         Some(Shape {
             is_even: lengths().all(|length| length == titles.len()),
             surplus,
@@ -94,8 +95,8 @@ impl Shape {
             header,
             width,
             units,
-            counters: counters(&titles, below),
-            time: SplitTime::of(&titles, below),
+            counters: counters(&titles, below, time.as_ref()),
+            time,
             columns: top.data.len(),
             rivals: rivals.into_iter().map(|k| line_of(&records[k])).collect(),
             missing_line: named.missing,
@@ -142,10 +143,7 @@ impl Shape {
             Some(header) => self.top.get(header).cloned().unwrap_or_default(),
             None => ByteRecord::from(numbered_titles(self.width)),
         };
-        let time = self
-            .time
-            .as_ref()
-            .map(|time| record.get(time.named_by()).unwrap_or_default().to_vec());
+        let time = self.time.as_ref().map(|time| time.title(&record));
         let mut titles = ByteRecord::new();
         for (k, field) in record.iter().enumerate() {
             let Ok(title) = std::str::from_utf8(field) else {
@@ -366,7 +364,7 @@ fn title_unit(title: &str) -> &str {
 }
 
 /// How many columns count the rows before one that is the time by its title or by what stands in it.
-fn counters(titles: &[String], below: &[Vec<String>]) -> usize {
+fn counters(titles: &[String], below: &[Vec<String>], time: Option<&SplitTime>) -> usize {
     let filled = || below.iter().filter(|row| !row.is_empty());
     let counts = |column: &usize| {
         let title = titles[*column].to_lowercase();
@@ -376,7 +374,8 @@ fn counters(titles: &[String], below: &[Vec<String>]) -> usize {
     let count = (0..titles.len()).take_while(counts).count();
     let mut fields = below.iter().filter_map(|row| row.get(count));
     let are_stamps = fields.all(|field| stamp::is_one(field) || stamp::is_date(field));
-    let is_time = |title: &String| is_called_time(title) || are_stamps;
+    let is_split = time.is_some_and(|time| time.first() == count);
+    let is_time = |title: &String| is_called_time(title) || are_stamps || is_split;
     match titles.get(count).is_some_and(is_time) {
         true => count,
         false => 0,

@@ -24,7 +24,19 @@ pub(super) struct SplitTime {
     date: Option<usize>,
     clock: usize,
     milliseconds: Option<usize>,
+    /// The first of six columns from the year to the second.
+    year: Option<usize>,
 }
+
+/// Titles of the columns of a date and a time of day in parts, in small letters.
+const PARTS: [&[&str]; 6] = [
+    &["year", "jahr", "yyyy"],
+    &["month", "mon", "monat", "mm"],
+    &["day", "tag", "dd"],
+    &["hour", "stunde", "hh", "h"],
+    &["minute", "min", "mi"],
+    &["second", "sec", "sekunde", "sek", "ss", "s"],
+];
 
 impl SplitTime {
     /// The columns by what stands in them; none where the time has one column.
@@ -40,6 +52,19 @@ impl SplitTime {
             };
             all(date, &stamp::is_date) && all(clock, &stamp::is_clock) || of_sheet()
         };
+        let is_part = |(k, names): (usize, &&[&str])| {
+            let title = titles.get(k).map(|title| title.to_lowercase());
+            title.is_some_and(|title| names.contains(&title.as_str())) && all(k, &is_number)
+        };
+        let are_parts = |first: &usize| (*first..).zip(PARTS.iter()).all(is_part);
+        if let Some(first) = (0..2).find(are_parts) {
+            return Some(SplitTime {
+                date: None,
+                clock: first,
+                milliseconds: None,
+                year: Some(first),
+            });
+        }
         // A time stands at the beginning, or behind a number of the row.
         let pairs = (1..titles.len().min(3)).flat_map(|k| [(k - 1, k), (k, k - 1)]);
         let pair = pairs
@@ -62,6 +87,7 @@ impl SplitTime {
             date,
             clock,
             milliseconds,
+            year: None,
         })
     }
 
@@ -72,12 +98,17 @@ impl SplitTime {
 
     /// Whether a column is one of those of the time.
     pub(super) fn has(&self, column: usize) -> bool {
+        let is_part = |year: usize| (year..year + PARTS.len()).contains(&column);
         [self.date, Some(self.clock), self.milliseconds].contains(&Some(column))
+            || self.year.is_some_and(is_part)
     }
 
-    /// The column whose title is that of the time.
-    pub(super) fn named_by(&self) -> usize {
-        self.clock
+    /// The title of the time.
+    pub(super) fn title(&self, titles: &ByteRecord) -> Vec<u8> {
+        match self.year {
+            Some(_) => b"time".to_vec(),
+            None => titles.get(self.clock).unwrap_or_default().to_vec(),
+        }
     }
 
     /// The time of a row.
@@ -88,6 +119,10 @@ impl SplitTime {
                 .trim()
                 .to_owned()
         };
+        if let Some(year) = self.year {
+            let part = |k: usize| field(Some(year + k));
+            return parts_as_text(&std::array::from_fn(part));
+        }
         let date = field(self.date);
         let mut clock = field(Some(self.clock));
         if let Some(seconds) = seconds_of_day(&clock).filter(|_| is_midnight(&date)) {
@@ -108,6 +143,19 @@ impl SplitTime {
         }
         text.trim().as_bytes().to_vec()
     }
+}
+
+/// A date and a time of day from the year to the second; a year of two digits is one of this century.
+fn parts_as_text([year, month, day, hour, minute, second]: &[String; 6]) -> Vec<u8> {
+    let century = if year.len() == 2 { "20" } else { "" };
+    let whole = second.split('.').next().unwrap_or_default();
+    let zero = if whole.len() == 1 { "0" } else { "" };
+    let date = format!("{century}{year}-{month:0>2}-{day:0>2}");
+    format!("{date} {hour:0>2}:{minute:0>2}:{zero}{second}").into_bytes()
+}
+
+fn is_number(text: &str) -> bool {
+    text.parse::<f64>().is_ok_and(|number| number >= 0.0)
 }
 
 fn is_midnight(text: &str) -> bool {

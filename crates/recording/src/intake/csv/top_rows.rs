@@ -167,9 +167,21 @@ impl TopRows {
         let above_units = block.iter().filter(|k| Some(**k) < units).count();
         block.retain(|k| Some(*k) != units && (above_units != 1 || Some(*k) < units));
         match block[..] {
-            [header] => Ok(titles(header, units)),
+            [header] => {
+                let units = units.or_else(|| self.labelled_units(header));
+                Ok(titles(header, units))
+            }
             _ => Err(block),
         }
+    }
+
+    /// The row of units farther above the titles, which begins with a word that says so.
+    fn labelled_units(&self, header: usize) -> Option<usize> {
+        let is_labelled = |row: &usize| {
+            let first = self.rows[*row].first().filter(|first| !first.is_empty());
+            first.is_some_and(|first| unit_of(first).is_empty()) && is_units(&self.rows[*row])
+        };
+        (0..header).rfind(is_labelled)
     }
 }
 
@@ -236,13 +248,15 @@ impl NamedRows {
 
 /// A unit as it stands in a row of units, without brackets; nothing for a word that names the row.
 pub(super) fn unit_of(field: &str) -> &str {
-    const NAMES: [&str; 10] = [
+    const NAMES: [&str; 12] = [
         "unit",
         "units",
         "einheit",
         "einheiten",
         "uom",
         "vertical units",
+        "y_unit_label",
+        "yunits",
         "no",
         "no.",
         "ts",

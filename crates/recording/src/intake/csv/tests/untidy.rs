@@ -191,3 +191,36 @@ fn columns_between_blanks_without_titles_are_asked_for() {
     let recording = read("0.0 1.5\n1.0 1.6\n2.0 1.7\n".as_bytes(), &options).unwrap();
     assert_eq!(values(&recording, "column_2"), [1.5, 1.6, 1.7]);
 }
+
+#[test]
+fn a_time_may_stand_in_six_columns() {
+    let text = "No.,Year,Month,Day,Hour,Min,Sec,P\n1,26,3,2,17,15,0,1.5\n2,26,3,2,17,15,0.5,1.6\n3,26,3,2,17,15,1,1.7\n";
+    let mut options = Options::default();
+    options.set("tz", "Asia/Tokyo").unwrap();
+    let recording = read(text.as_bytes(), &options).unwrap();
+    assert_eq!(values(&recording, "P"), [1.5, 1.6, 1.7]);
+    assert_eq!(recording.signals.len(), 1);
+    let start = recording.start.unwrap().to_string();
+    assert_eq!(start, "2026-03-02T08:15:00Z");
+    let instants: Vec<f64> = (0..3).map(|k| recording.time.instant(k)).collect();
+    assert_eq!(instants, [0.0, 0.5, 1.0]);
+}
+
+#[test]
+fn rows_of_states_are_no_samples_and_units_may_stand_far_above() {
+    let states = "VarName;TimeString;VarValue;Validity\nPT;2026-03-02 08:15:00Z;3,2;1\nPT;2026-03-02 08:15:01Z;3,3;1\n\
+                  PT;2026-03-02 08:15:02Z;3,4;1\n$RT_OFF$;2026-03-02 08:15:03Z;0;2\n";
+    let recording = parse(states).unwrap();
+    assert_eq!(values(&recording, "PT"), [3.2, 3.3, 3.4]);
+    assert_eq!(recording.signals.len(), 1);
+    assert!(told(&recording).contains(&"lines_left_out"));
+
+    let scope = "Model,MSO44\nVertical Units,V,mV\nRecord Length,3\n\nTIME,CH1,CH2\n0.0,1.5,20\n0.1,1.6,21\n0.2,1.7,22\n";
+    assert_eq!(stored(scope, "CH2"), [0.02, 0.021, 0.022]);
+
+    let seconds = "ALIAS,DATA_TYPE,TIMESTAMP_SECONDS,TIMESTAMP_NANO_OFFSET,QUALITY,VALUE\n/p/PT,DOUBLE,1772439300,0,GOOD,3.2\n\
+                   /p/PT,DOUBLE,1772439301,0,BAD,3.3\n/p/PT,DOUBLE,1772439302,0,GOOD,3.4\n";
+    let recording = parse(seconds).unwrap();
+    assert_eq!(recording.signal("/p/PT").unwrap().missing(), 1);
+    assert_eq!(recording.start.unwrap().to_string(), "2026-03-02T08:15:00Z");
+}
