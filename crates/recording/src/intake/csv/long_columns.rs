@@ -157,7 +157,7 @@ pub(in crate::intake) struct ValueColumns {
 }
 
 impl ValueColumns {
-    /// What the titles say.
+    /// The columns that have the titles of a value, a quality and a unit.
     pub(in crate::intake) fn of(titles: &[&str]) -> Self {
         PlainTitles::of(titles).value_columns()
     }

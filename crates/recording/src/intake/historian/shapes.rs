@@ -93,6 +93,9 @@ impl<'o> Shapes<'o> {
 
     /// Takes what an object at a place is, in the order in which that is least in doubt.
     fn take(&mut self, place: Place<'_>, fields: &Fields) -> bool {
+        if place.is_too_deep() {
+            return false;
+        }
         if self.take_times(&place, fields) || self.take_lists(&place, fields) {
             return true;
         }
@@ -115,7 +118,8 @@ impl<'o> Shapes<'o> {
             && all.all(|(key, leaf)| {
                 instants::is_instant_text(key) && measured::scalar(leaf).is_some()
             });
-        let Some(name) = place.name_of_list().filter(|_| are_times) else {
+        let name = are_times.then(|| place.name_of_list()).flatten();
+        let Some(name) = name else {
             return false;
         };
         for (key, leaf) in &fields.0 {

@@ -14,11 +14,16 @@ pub(super) struct Place<'p> {
     index: Option<usize>,
     /// No name can come any more that is not known yet.
     pub(super) is_last: bool,
-    /// What is at the place is a list of samples or stands in one.
+    /// A list of samples is at the place, or around it.
     is_listed: bool,
     /// The way from `around` to the place, as the end of a pointer.
     inner: String,
+    /// How many objects that were kept lie on this way.
+    steps: usize,
 }
+
+/// The most objects that were kept on the way to a place: each level looks again at all that was kept within it.
+const MOST_STEPS: usize = 8;
 
 impl<'p> Place<'p> {
     /// The place of an object that is complete, within others that may not be.
@@ -31,6 +36,7 @@ impl<'p> Place<'p> {
             index: around.place_in_list(),
             is_listed: around.place_in_list().is_some(),
             inner: String::new(),
+            steps: 0,
         }
     }
 
@@ -59,6 +65,7 @@ impl<'p> Place<'p> {
                 Some(index) => format!("{}/{key}/{index}", self.inner),
                 None => format!("{}/{key}", self.inner),
             },
+            steps: self.steps + 1,
         }
     }
 
@@ -94,7 +101,12 @@ impl<'p> Place<'p> {
         SeriesName::of(&self.levels, self.is_listed)
     }
 
-    /// The place, where what is there is a list of samples.
+    /// Whether so many objects were kept on the way that none is looked at any more.
+    pub(super) fn is_too_deep(&self) -> bool {
+        self.steps > MOST_STEPS
+    }
+
+    /// The place, where a list of samples is there.
     pub(super) fn listed(mut self) -> Self {
         self.is_listed = true;
         self

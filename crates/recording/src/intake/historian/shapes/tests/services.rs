@@ -1,4 +1,4 @@
-//! What services for devices and time series answer.
+//! Answers of services for devices and time series.
 
 use super::{check, check_times, codes, fault, read, read_with, signals};
 
