@@ -29,9 +29,9 @@ use super::walk::{Fields, JsonLeaf, Surroundings, Visit};
 use crate::Warning;
 use greybox_numerics::parsing::Fault;
 use lists::SideBySide;
-use naming::SeriesName;
-use place::Place;
-use rows::Rows;
+use naming::LabelledName;
+use place::DocumentPlace;
+use rows::RecordRows;
 use series::{SampleTime, plain_value};
 use std::rc::Rc;
 use table::{PairOrder, TableHeader};
@@ -44,7 +44,7 @@ const NO_SAMPLES: &str = "no times beside values that are read here are in it; s
 
 /// Samples of a document on their way to their series.
 pub(super) struct Shapes<'o> {
-    rows: Rows<'o>,
+    rows: RecordRows<'o>,
     /// Around how many objects the last samples stood.
     depth: Option<usize>,
     header: Option<TableHeader>,
@@ -62,7 +62,7 @@ pub(super) struct Shapes<'o> {
 impl<'o> Shapes<'o> {
     pub(super) fn new(format: Format, tags: Tags<'o>) -> Self {
         Self {
-            rows: Rows::new(tags, format == Format::PandasRecords),
+            rows: RecordRows::new(tags, format == Format::PandasRecords),
             depth: None,
             header: None,
             pairs: None,
@@ -92,7 +92,7 @@ impl<'o> Shapes<'o> {
     }
 
     /// Takes what an object at a place is, in the order in which that is least in doubt.
-    fn take(&mut self, place: Place<'_>, fields: &Fields) -> bool {
+    fn take(&mut self, place: DocumentPlace<'_>, fields: &Fields) -> bool {
         if place.is_too_deep() {
             return false;
         }
@@ -112,7 +112,7 @@ impl<'o> Shapes<'o> {
     }
 
     /// Takes an object whose keys are times.
-    fn take_times(&mut self, place: &Place<'_>, fields: &Fields) -> bool {
+    fn take_times(&mut self, place: &DocumentPlace<'_>, fields: &Fields) -> bool {
         let mut all = fields.0.iter();
         let are_times = !fields.0.is_empty()
             && all.all(|(key, leaf)| {
@@ -132,7 +132,7 @@ impl<'o> Shapes<'o> {
     }
 
     /// Takes the series that the lists of an object are.
-    fn take_lists(&mut self, place: &Place<'_>, fields: &Fields) -> bool {
+    fn take_lists(&mut self, place: &DocumentPlace<'_>, fields: &Fields) -> bool {
         let has_lists = |(_, leaf): &(Rc<str>, JsonLeaf)| matches!(leaf, JsonLeaf::List(_));
         if self.take_side_by_side(place, fields) {
             return true;
@@ -149,7 +149,7 @@ impl<'o> Shapes<'o> {
             let inner = place.within(key, fields, None).listed();
             is_taken |= self.take_table(&inner, names.as_deref(), elements)
                 || self.take_pairs(&inner, key, elements)
-                || self.take_elements(place, (key, fields), elements);
+                || self.take_elements(place, key, fields, elements);
         }
         is_taken
     }
@@ -157,8 +157,9 @@ impl<'o> Shapes<'o> {
     /// Takes the objects of a list, each for itself.
     fn take_elements(
         &mut self,
-        place: &Place<'_>,
-        (key, fields): (&str, &Fields),
+        place: &DocumentPlace<'_>,
+        key: &str,
+        fields: &Fields,
         elements: &[JsonLeaf],
     ) -> bool {
         let mut taken = 0;
@@ -176,7 +177,7 @@ impl<'o> Shapes<'o> {
     }
 
     /// Takes the objects that are fields of an object, each for itself.
-    fn take_objects(&mut self, place: &Place<'_>, fields: &Fields) -> bool {
+    fn take_objects(&mut self, place: &DocumentPlace<'_>, fields: &Fields) -> bool {
         let mut is_taken = false;
         for (key, leaf) in &fields.0 {
             if let JsonLeaf::Object(object) = leaf {
@@ -187,7 +188,7 @@ impl<'o> Shapes<'o> {
     }
 
     /// Takes columns that stand side by side in an object.
-    fn take_side_by_side(&mut self, place: &Place<'_>, fields: &Fields) -> bool {
+    fn take_side_by_side(&mut self, place: &DocumentPlace<'_>, fields: &Fields) -> bool {
         let option = self.rows.series.tags.options.time.as_deref();
         let Some(columns) = SideBySide::of(fields, option) else {
             return false;
@@ -226,7 +227,7 @@ impl<'o> Shapes<'o> {
     /// Takes rows below the names of their columns, which the object around has or the first row is.
     fn take_table(
         &mut self,
-        place: &Place<'_>,
+        place: &DocumentPlace<'_>,
         names: Option<&[Rc<str>]>,
         rows: &[JsonLeaf],
     ) -> bool {
@@ -253,7 +254,7 @@ impl<'o> Shapes<'o> {
     }
 
     /// Takes pairs of a time and a value under this key.
-    fn take_pairs(&mut self, place: &Place<'_>, key: &str, pairs: &[JsonLeaf]) -> bool {
+    fn take_pairs(&mut self, place: &DocumentPlace<'_>, key: &str, pairs: &[JsonLeaf]) -> bool {
         let lists = pairs.iter().map_while(|pair| match pair {
             JsonLeaf::List(cells) => Some(&cells[..]),
             _ => None,
@@ -287,8 +288,8 @@ impl<'o> Shapes<'o> {
 
     fn take_pair(
         &mut self,
-        place: &Place<'_>,
-        name: &SeriesName,
+        place: &DocumentPlace<'_>,
+        name: &LabelledName,
         order: &PairOrder,
         pair: &[JsonLeaf],
     ) {
@@ -313,7 +314,7 @@ impl<'o> Shapes<'o> {
 
     /// Takes a row of a list that is not complete. Answers whether samples were taken of it; none where it waits for
     /// the object around it.
-    fn take_row(&mut self, place: &Place<'_>, cells: &[JsonLeaf]) -> Option<bool> {
+    fn take_row(&mut self, place: &DocumentPlace<'_>, cells: &[JsonLeaf]) -> Option<bool> {
         let (list, _) = place.around.list();
         let is_first = place.around.index() == 0;
         if self
@@ -402,7 +403,7 @@ impl Visit for Shapes<'_> {
     fn object(&mut self, around: &Surroundings<'_>, fields: &Fields) -> bool {
         let depth = around.objects.len();
         let has_samples = self.depth.is_some_and(|samples| samples > depth);
-        let place = Place::of(around);
+        let place = DocumentPlace::of(around);
         let is_taken = if has_samples {
             self.check_around(around, fields);
             self.take_lists(&place, fields);
@@ -421,7 +422,7 @@ impl Visit for Shapes<'_> {
     }
 
     fn row(&mut self, around: &Surroundings<'_>, cells: &[JsonLeaf]) -> bool {
-        let place = Place::of(around).listed();
+        let place = DocumentPlace::of(around).listed();
         let taken = self.take_row(&place, cells);
         if taken == Some(true) {
             self.depth = Some(around.objects.len());

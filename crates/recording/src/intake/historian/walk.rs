@@ -45,7 +45,7 @@ pub(super) struct Surroundings<'w> {
 
 /// An object around a place, and the way from it to the place.
 #[derive(Clone, Copy)]
-pub(super) struct Level<'w> {
+pub(super) struct NestingLevel<'w> {
     /// The key of the field through which the way leads.
     pub(super) key: &'w str,
     /// The fields of the object, as far as they were read.
@@ -365,13 +365,13 @@ impl Surroundings<'_> {
     }
 
     /// The objects around, from the innermost.
-    pub(super) fn levels(&self) -> Vec<Level<'_>> {
+    pub(super) fn levels(&self) -> Vec<NestingLevel<'_>> {
         let mut objects = self.objects.iter();
         let (mut index, mut levels) = (None, Vec::with_capacity(self.objects.len()));
         for (k, step) in self.path.iter().enumerate() {
             match step {
                 PathStep::Index(place) => index = (k >= self.document_steps).then_some(*place),
-                PathStep::Key(key) => levels.extend(objects.next().map(|fields| Level {
+                PathStep::Key(key) => levels.extend(objects.next().map(|fields| NestingLevel {
                     key,
                     fields,
                     index: index.take(),

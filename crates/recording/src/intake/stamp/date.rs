@@ -67,7 +67,7 @@ impl WrittenDate {
             return Some(Self { parts, order });
         }
         let parts = [digits(second)?, month(first)?, digits(third)?];
-        // Of `Mar 02 03` any number may be the year.
+        // Any number of `Mar 02 03` may be the year.
         (third.len() == 4).then_some(Self {
             parts,
             order: DateOrder::DayFirst,

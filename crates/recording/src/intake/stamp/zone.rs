@@ -23,7 +23,7 @@ const HOURS: [(&str, i32); 13] = [
 /// A zone as a text names it.
 #[derive(Clone, Debug, PartialEq)]
 pub(super) enum WrittenZone {
-    /// So many seconds ahead of UTC.
+    /// A number of seconds ahead of UTC.
     Ahead(i32),
     /// Letters that several zones share.
     Letters(String),

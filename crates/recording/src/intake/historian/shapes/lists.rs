@@ -29,7 +29,11 @@ impl<'f> SideBySide<'f> {
     /// The columns of an object, where it has a time and a value among them. `option` is the key of the time where an
     /// option names it.
     pub(super) fn of(fields: &'f Fields, option: Option<&str>) -> Option<Self> {
-        let mut columns: Vec<ListColumn<'f>> = fields.0.iter().filter_map(list).collect();
+        let mut columns: Vec<ListColumn<'f>> = fields
+            .0
+            .iter()
+            .filter_map(|(key, leaf)| list(key, leaf))
+            .collect();
         if columns.is_empty() {
             columns = numbered(fields)?;
         }
@@ -87,7 +91,7 @@ impl ListColumn<'_> {
 }
 
 /// A field that is a list of scalars.
-fn list<'f>((key, leaf): &'f (std::rc::Rc<str>, JsonLeaf)) -> Option<ListColumn<'f>> {
+fn list<'f>(key: &'f str, leaf: &'f JsonLeaf) -> Option<ListColumn<'f>> {
     match leaf {
         JsonLeaf::List(leaves) if !leaves.is_empty() && leaves.iter().all(JsonLeaf::is_scalar) => {
             Some(ListColumn {

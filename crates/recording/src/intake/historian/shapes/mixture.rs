@@ -15,7 +15,7 @@ pub(super) const PLACE: &str = "";
 
 /// The fields of words of a list of rows, in the order in which they came.
 #[derive(Default)]
-pub(super) struct Mixture {
+pub(super) struct MixedRows {
     fields: Vec<WordField>,
 }
 
@@ -43,7 +43,7 @@ struct WordField {
     repeats: bool,
 }
 
-impl Mixture {
+impl MixedRows {
     /// Looks at a word of a row of a list; `scope` is the name of the list.
     pub(super) fn observe(&mut self, scope: &str, [key, word]: [&str; 2], time: &JsonLeaf) {
         let mut fields = self.fields.iter_mut();

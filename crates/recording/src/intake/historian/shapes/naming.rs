@@ -1,6 +1,6 @@
 //! The names of the samples at a place of a document, by the keys and the objects on the way there.
 
-use super::super::walk::{Fields, JsonLeaf, Level};
+use super::super::walk::{Fields, JsonLeaf, NestingLevel};
 use super::instants;
 use super::keys::{is_any, is_called};
 
@@ -80,7 +80,7 @@ const NAME_LABEL: &str = "__name__";
 
 /// The name of samples, and the names and labels around them that tell them from others of that name.
 #[derive(Clone, Debug, Default, PartialEq)]
-pub(super) struct SeriesName {
+pub(super) struct LabelledName {
     /// The nearest name, where there is one.
     pub(super) short: Option<String>,
     /// The names farther out, and the keys that name nothing, from the outermost.
@@ -91,9 +91,9 @@ pub(super) struct SeriesName {
     pub(super) places: Vec<usize>,
 }
 
-impl SeriesName {
+impl LabelledName {
     /// The name that the objects around give, from the innermost. `is_listed` says that the samples are a list.
-    pub(super) fn of(levels: &[Level<'_>], is_listed: bool) -> Self {
+    pub(super) fn of(levels: &[NestingLevel<'_>], is_listed: bool) -> Self {
         let mut name = Self::default();
         let mut has_list = is_listed;
         for level in levels {
@@ -158,14 +158,14 @@ impl SeriesName {
         format!("{outer}{short}{labels}")
     }
 
-    /// The name without what all of `others` say too.
-    pub(super) fn apart_from(&self, others: &[&SeriesName]) -> Self {
+    /// The name without what all of `neighbours` say too.
+    pub(super) fn apart_from(&self, neighbours: &[&LabelledName]) -> Self {
         let labels = self.labels.iter().filter(|label| {
-            let mut all = others.iter();
+            let mut all = neighbours.iter();
             !all.all(|name| name.labels.contains(label))
         });
         let outer = self.outer.iter().filter(|text| {
-            let mut all = others.iter();
+            let mut all = neighbours.iter();
             !all.all(|name| name.outer.contains(text))
         });
         Self {

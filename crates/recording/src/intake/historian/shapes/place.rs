@@ -1,15 +1,15 @@
 //! Where in a document an object stands, and what is around it.
 
 use super::super::super::error::at_pointer;
-use super::super::walk::{Fields, Level, Surroundings};
-use super::naming::SeriesName;
+use super::super::walk::{Fields, NestingLevel, Surroundings};
+use super::naming::LabelledName;
 use greybox_numerics::parsing::Fault;
 
 /// The place of an object.
-pub(super) struct Place<'p> {
+pub(super) struct DocumentPlace<'p> {
     pub(super) around: &'p Surroundings<'p>,
     /// The objects around, from the innermost.
-    pub(super) levels: Vec<Level<'p>>,
+    pub(super) levels: Vec<NestingLevel<'p>>,
     /// The place of the object in its list.
     index: Option<usize>,
     /// No name can come any more that is not known yet.
@@ -25,7 +25,7 @@ pub(super) struct Place<'p> {
 /// The most objects that were kept on the way to a place: each level looks again at all that was kept within it.
 const MOST_STEPS: usize = 8;
 
-impl<'p> Place<'p> {
+impl<'p> DocumentPlace<'p> {
     /// The place of an object that is complete, within others that may not be.
     pub(super) fn of(around: &'p Surroundings<'p>) -> Self {
         let levels = around.levels();
@@ -46,14 +46,14 @@ impl<'p> Place<'p> {
         key: &'p str,
         fields: &'p Fields,
         index: Option<usize>,
-    ) -> Place<'p> {
-        let level = Level {
+    ) -> DocumentPlace<'p> {
+        let level = NestingLevel {
             key,
             fields,
             index: self.index,
         };
         let is_outermost = self.levels.is_empty() || self.around.field_key().is_none();
-        Place {
+        DocumentPlace {
             around: self.around,
             levels: std::iter::once(level)
                 .chain(self.levels.iter().copied())
@@ -85,20 +85,20 @@ impl<'p> Place<'p> {
     }
 
     /// The name that the objects around give. None where it may still come.
-    pub(super) fn name(&self) -> Option<SeriesName> {
+    pub(super) fn name(&self) -> Option<LabelledName> {
         let name = self.name_by_now();
         (self.is_last || name.short.is_some()).then_some(name)
     }
 
     /// The name of the samples that the object at this place is a list of.
-    pub(super) fn name_of_list(&self) -> Option<SeriesName> {
-        let name = SeriesName::of(&self.levels, true);
+    pub(super) fn name_of_list(&self) -> Option<LabelledName> {
+        let name = LabelledName::of(&self.levels, true);
         (self.is_last || name.short.is_some()).then_some(name)
     }
 
     /// The name that the objects around give as far as they were read.
-    pub(super) fn name_by_now(&self) -> SeriesName {
-        SeriesName::of(&self.levels, self.is_listed)
+    pub(super) fn name_by_now(&self) -> LabelledName {
+        LabelledName::of(&self.levels, self.is_listed)
     }
 
     /// Whether so many objects were kept on the way that none is looked at any more.

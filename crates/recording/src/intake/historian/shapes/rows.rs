@@ -7,8 +7,8 @@ use super::super::walk::{Fields, JsonLeaf, PathStep};
 use super::instants;
 use super::keys::is_any;
 use super::measured::{MeasuredValue, ValueFields, values_of};
-use super::naming::{self, SeriesName};
-use super::place::Place;
+use super::naming::{self, LabelledName};
+use super::place::DocumentPlace;
 use super::senml::SenmlBase;
 use super::series::{SampleTime, SeriesTags, plain_value};
 
@@ -16,14 +16,14 @@ use super::series::{SampleTime, SeriesTags, plain_value};
 const TAGS: [&str; 2] = ["entityid", "statisticid"];
 
 /// Rows and samples on their way to their series.
-pub(super) struct Rows<'o> {
+pub(super) struct RecordRows<'o> {
     pub(super) series: SeriesTags<'o>,
     /// The document is a list of objects or has one on each line.
     are_rows: bool,
     /// The field that is the time of the rows of a document, once one was seen.
     time: Option<String>,
     /// The last signal that a sample of a list of a list named.
-    sender: Option<(Vec<PathStep>, SeriesName)>,
+    sender: Option<(Vec<PathStep>, LabelledName)>,
     is_told_left_out: bool,
     senml: SenmlBase,
 }
@@ -36,7 +36,7 @@ struct TimedRow<'f> {
     tag: Option<&'f str>,
 }
 
-impl<'o> Rows<'o> {
+impl<'o> RecordRows<'o> {
     pub(super) fn new(tags: Tags<'o>, are_rows: bool) -> Self {
         Self {
             series: SeriesTags::new(tags),
@@ -49,7 +49,7 @@ impl<'o> Rows<'o> {
     }
 
     /// Takes a row below the names of its columns. Answers whether it has a time.
-    pub(super) fn take_of_table(&mut self, place: &Place<'_>, fields: &Fields) -> bool {
+    pub(super) fn take_of_table(&mut self, place: &DocumentPlace<'_>, fields: &Fields) -> bool {
         let option = self.series.tags.options.time.as_deref();
         let by_look = || {
             let mut cells = fields.0.iter();
@@ -67,7 +67,7 @@ impl<'o> Rows<'o> {
     }
 
     /// Takes an object that has a time and a value. Answers whether it is one.
-    pub(super) fn take(&mut self, place: &Place<'_>, fields: &Fields) -> bool {
+    pub(super) fn take(&mut self, place: &DocumentPlace<'_>, fields: &Fields) -> bool {
         if place.levels.is_empty()
             && let Some(sample) = self.senml.sample(fields)
         {
@@ -76,7 +76,7 @@ impl<'o> Rows<'o> {
                 unit: sample.unit.as_deref(),
                 ..plain_value("v", sample.value)
             };
-            let name = SeriesName::default().inner(&sample.name);
+            let name = LabelledName::default().inner(&sample.name);
             self.series.push(place, name, &time, &value);
             return true;
         }
@@ -88,7 +88,7 @@ impl<'o> Rows<'o> {
 
     fn take_timed<'f>(
         &mut self,
-        place: &Place<'_>,
+        place: &DocumentPlace<'_>,
         fields: &'f Fields,
         time: SampleTime<'f>,
     ) -> bool {
@@ -108,7 +108,11 @@ impl<'o> Rows<'o> {
     }
 
     /// The time of an object, where it has one: a field, or its own key.
-    fn time_of<'f>(&mut self, place: &Place<'_>, fields: &'f Fields) -> Option<SampleTime<'f>> {
+    fn time_of<'f>(
+        &mut self,
+        place: &DocumentPlace<'_>,
+        fields: &'f Fields,
+    ) -> Option<SampleTime<'f>> {
         let option = self.series.tags.options.time.as_deref();
         let field = |key: &str| fields.0.iter().find(|(name, _)| **name == *key);
         let timed = |(key, leaf): &'f (std::rc::Rc<str>, JsonLeaf)| SampleTime::of(key, leaf);
@@ -153,7 +157,7 @@ impl<'o> Rows<'o> {
     }
 
     /// Takes a row that names its signal.
-    fn take_tagged(&mut self, place: &Place<'_>, row: &TimedRow<'_>) -> bool {
+    fn take_tagged(&mut self, place: &DocumentPlace<'_>, row: &TimedRow<'_>) -> bool {
         let options = self.series.tags.options;
         let tag = row.tag.and_then(|tag| row.fields.get(tag)?.text());
         let Some(tag) = tag else {
@@ -231,7 +235,7 @@ impl<'o> Rows<'o> {
 
     /// Takes a sample of the signal that the objects around it name. None where the object is no such sample; false
     /// where the name may still come.
-    fn take_single(&mut self, place: &Place<'_>, row: &TimedRow<'_>) -> Option<bool> {
+    fn take_single(&mut self, place: &DocumentPlace<'_>, row: &TimedRow<'_>) -> Option<bool> {
         let told = ValueFields::of(row.fields, Some(row.time.key))?;
         let (list, in_list) = place.around.list();
         let is_flat = place.levels.is_empty() && in_list.is_none();
@@ -276,7 +280,7 @@ impl<'o> Rows<'o> {
     }
 
     /// Takes a row of several signals, which its keys name.
-    fn take_wide(&mut self, place: &Place<'_>, row: &TimedRow<'_>) -> bool {
+    fn take_wide(&mut self, place: &DocumentPlace<'_>, row: &TimedRow<'_>) -> bool {
         let mut values = values_of(row.fields, &|key| key == row.time.key);
         let is_flat = self.are_rows && place.levels.is_empty();
         let is_missing =

@@ -7,9 +7,9 @@ use super::super::super::tags::{Quality, RawSample, Tags};
 use super::super::walk::JsonLeaf;
 use super::instants;
 use super::measured::MeasuredValue;
-use super::mixture::{self, Mixture};
-use super::naming::SeriesName;
-use super::place::Place;
+use super::mixture::{self, MixedRows};
+use super::naming::LabelledName;
+use super::place::DocumentPlace;
 use greybox_numerics::parsing::Fault;
 use std::borrow::Cow;
 use std::collections::HashMap;
@@ -18,9 +18,9 @@ use std::collections::HashMap;
 pub(super) struct SeriesTags<'o> {
     pub(super) tags: Tags<'o>,
     /// The whole name of each tag.
-    names: Vec<SeriesName>,
+    names: Vec<LabelledName>,
     has_clock: bool,
-    pub(super) mixture: Mixture,
+    pub(super) mixture: MixedRows,
 }
 
 /// The time of a sample.
@@ -69,7 +69,7 @@ impl<'o> SeriesTags<'o> {
             tags,
             names: Vec::new(),
             has_clock: false,
-            mixture: Mixture::default(),
+            mixture: MixedRows::default(),
         }
     }
 
@@ -85,8 +85,8 @@ impl<'o> SeriesTags<'o> {
     /// Takes a sample of the signal of that name, or of the key of the value where there is no name.
     pub(super) fn push(
         &mut self,
-        place: &Place<'_>,
-        name: SeriesName,
+        place: &DocumentPlace<'_>,
+        name: LabelledName,
         time: &SampleTime<'_>,
         value: &MeasuredValue<'_>,
     ) {
@@ -96,7 +96,7 @@ impl<'o> SeriesTags<'o> {
             self.tags.clock = Clock::new(time.key, unit, self.tags.options);
         }
         let short = name.short.clone().unwrap_or_else(|| value.key.to_string());
-        let name = SeriesName {
+        let name = LabelledName {
             short: Some(short.clone()),
             ..name
         };
@@ -136,7 +136,7 @@ impl<'o> SeriesTags<'o> {
         }
         for tags in of_name.values().filter(|tags| tags.len() > 1) {
             let names = tags.iter().filter_map(|tag| self.names.get(*tag));
-            let names: Vec<&SeriesName> = names.collect();
+            let names: Vec<&LabelledName> = names.collect();
             let apart: Vec<String> = names
                 .iter()
                 .map(|name| name.apart_from(&names).key())

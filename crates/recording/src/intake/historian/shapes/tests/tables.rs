@@ -96,7 +96,7 @@ fn pairs_are_read_whichever_stands_first() {
 #[test]
 fn rows_stand_below_the_names_of_their_columns() {
     let kusto = r#"{"Tables": [{"TableName": "Table_0", "Columns": [{"ColumnName": "Timestamp", "DataType": "DateTime"},
-        {"ColumnName": "PT", "DataType": "Double"}, {"ColumnName": "TT", "DataType": "Double"}], "Rows":
+        {"ColumnName": "PT", "DataType": "Double"}, {"ColumnName": "TT", "DataType": "Double"}], "RecordRows":
         [["2026-03-02T08:15:00Z", 3.2, 65], ["2026-03-02T08:15:01Z", 3.3, 65.5], ["2026-03-02T08:15:02Z", 3.4, 66]]}]}"#;
     check(kusto, &[PT, TT]);
     let long = r#"{"columns": ["time", "tag", "value", "unit"], "rows":
@@ -127,7 +127,7 @@ fn rows_stand_below_the_names_of_their_columns() {
         ]),
     ];
     let timestream = format!(
-        r#"{{"Rows": [{}], "ColumnInfo": [{{"Name": "time", "Type": {{"ScalarType": "TIMESTAMP"}}}}, {{"Name": "PT"}}, {{"Name": "TT"}}]}}"#,
+        r#"{{"RecordRows": [{}], "ColumnInfo": [{{"Name": "time", "Type": {{"ScalarType": "TIMESTAMP"}}}}, {{"Name": "PT"}}, {{"Name": "TT"}}]}}"#,
         rows.join(",")
     );
     let (code, detail) = fault(&timestream, &[]);
