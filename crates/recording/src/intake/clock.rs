@@ -5,7 +5,7 @@
 //! the numbers leaves no doubt about; else it is asked for.
 
 mod local;
-mod names;
+pub(super) mod names;
 mod spelling;
 
 use super::cell::Cell;

@@ -123,6 +123,12 @@ pub(super) enum GridOption {
 }
 
 impl Options {
+    /// Whether an option says what numbers of time are.
+    pub(super) fn says_numbers_of_time(&self) -> bool {
+        let is_of_numbers = |unit: &TimeUnit| !matches!(unit, TimeUnit::Dates { .. });
+        self.time_unit.as_ref().is_some_and(is_of_numbers)
+    }
+
     /// The options by their names but for `time`, in the order in which a digest counts them.
     pub const NAMES: [&'static str; 18] = [
         "format",

@@ -1,7 +1,7 @@
 //! What columns of times are called.
 
 /// Names of columns that are a time in seconds where nothing else is said.
-pub(super) const TIMES: [&str; 13] = [
+pub(in crate::intake) const TIMES: [&str; 13] = [
     "time",
     "t",
     "times",

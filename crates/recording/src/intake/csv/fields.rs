@@ -55,6 +55,20 @@ pub(super) fn count_up<'f>(fields: impl Iterator<Item = Option<&'f String>>) -> 
     })
 }
 
+/// Whether a column holds timestamps, or numbers that rise.
+pub(super) fn runs(rows: &[Vec<String>], column: usize) -> bool {
+    let fields = rows.iter().filter_map(|row| row.get(column));
+    let fields: Vec<&String> = fields.filter(|field| !field.is_empty()).collect();
+    if fields.iter().all(|field| stamp::looks_like_one(field)) {
+        return !fields.is_empty();
+    }
+    let numbers = fields.iter().map(|field| value::number(field, None));
+    let numbers: Option<Vec<f64>> = numbers.collect();
+    numbers.is_some_and(|numbers| {
+        numbers.len() > 1 && numbers.windows(2).all(|pair| pair[1] > pair[0])
+    })
+}
+
 /// The line at which a row begins.
 pub(super) fn line_of(record: &ByteRecord) -> u64 {
     record.position().map_or(1, Position::line)

@@ -10,7 +10,7 @@ use super::top_rows::fields_of;
 
 /// How a table is read that begins so.
 pub(in crate::intake) fn layout(format: Format, head: &[u8], options: &Options) -> Layout {
-    let sniff = Sniff::new(head, &options.table);
+    let sniff = Sniff::new(head, options);
     let records = first_rows(head, sniff.delimiter);
     let rows = records.iter().take(MOST_ROWS).map(|record| LayoutRow {
         line: line_of(record),

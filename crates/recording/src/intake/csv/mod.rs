@@ -45,7 +45,7 @@ use table::CsvTable;
 
 /// What kind of CSV begins so.
 pub(super) fn recognised(head: &[u8], options: &Options) -> Format {
-    Sniff::new(head, &options.table).format(options)
+    Sniff::new(head, options).format(options)
 }
 
 /// A text whose beginning has been read to see what it is: the `whole` begins with the `head`.
@@ -62,7 +62,7 @@ pub(super) fn receive_as(
     scratch: Option<NewScratch>,
     memory: &Memory,
 ) -> Result<ReceivedRecording, ReadError> {
-    let sniff = Sniff::new(text.head, &options.table);
+    let sniff = Sniff::new(text.head, options);
     let mut notes = Vec::new();
     let mut options = options.clone();
     match sniff.fractions() {

@@ -9,8 +9,8 @@ use super::super::memory::Memory;
 use super::super::options::Options;
 use super::super::quality::{Scheme, may_rate};
 use super::super::tags::{Quality, RawSample, Tags};
-use super::super::{stamp, title, value};
-use super::fields::{is_called_time, line_of, texts, time_name_and_unit};
+use super::super::title;
+use super::fields::{is_called_time, line_of, runs, texts, time_name_and_unit};
 use super::rows::{TableRows, is_empty, read_row};
 use crate::ReceivedRecording;
 use ::csv::ByteRecord;
@@ -169,20 +169,6 @@ fn rated_by_letter<'t>(title: &'t str, rows: &[Vec<String>], column: usize) -> O
         .map(|(name, _)| name)
         .or(before.map(|(_, name)| name))?;
     are_ratings(rows, column).then(|| name.trim())
-}
-
-/// Whether a column holds timestamps, or numbers that rise.
-fn runs(rows: &[Vec<String>], column: usize) -> bool {
-    let fields = rows.iter().filter_map(|row| row.get(column));
-    let fields: Vec<&String> = fields.filter(|field| !field.is_empty()).collect();
-    if fields.iter().all(|field| stamp::looks_like_one(field)) {
-        return !fields.is_empty();
-    }
-    let numbers = fields.iter().map(|field| value::number(field, None));
-    let numbers: Option<Vec<f64>> = numbers.collect();
-    numbers.is_some_and(|numbers| {
-        numbers.len() > 1 && numbers.windows(2).all(|pair| pair[1] > pair[0])
-    })
 }
 
 /// Reads all rows.

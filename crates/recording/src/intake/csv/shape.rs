@@ -4,12 +4,24 @@
 use super::super::error::{at_line, excerpt};
 use super::super::table_options::TableOptions;
 use super::super::{stamp, title, units};
-use super::fields::{count_up, is_called_time, line_of};
+use super::fields::{count_up, is_called_time, line_of, runs};
 use super::split_time::SplitTime;
 use super::top_rows::{NamedRows, Titles, TopRows, fields_of, unit_of};
 use crate::Warning;
 use ::csv::ByteRecord;
 use greybox_numerics::parsing::Fault;
+
+/// Titles of a last column of remarks, which programs leave out of rows without any, in small letters.
+const REMARKS: [&str; 8] = [
+    "",
+    "comment",
+    "comments",
+    "remark",
+    "remarks",
+    "note",
+    "kommentar",
+    "bemerkung",
+];
 
 /// Titles of columns that number the rows, in small letters.
 const NUMBERING: [&str; 13] = [
@@ -32,7 +44,7 @@ pub(super) struct Shape {
     time: Option<SplitTime>,
     /// How many columns hold numbers or times; none where the rows describe themselves.
     columns: usize,
-    /// Titles behind the last column that has fields.
+    /// Titles of remarks that no row has.
     surplus: Vec<String>,
     /// Whether all rows of data have as many fields as the titles.
     is_even: bool,
@@ -287,10 +299,10 @@ impl Shape {
         });
         let surplus = self.surplus.iter().find(|title| !title.is_empty());
         let surplus = surplus.and_then(|title| {
-            let (count, title) = (self.surplus.len(), excerpt(title));
+            let title = excerpt(title);
             note(
                 "left_out_columns",
-                format!("no row has a field below the last {count} titles, the first `{title}`"),
+                format!("no row has a field below `{title}`"),
             )
         });
         let titles = self.header.is_none().then(|| {
@@ -320,11 +332,11 @@ fn numbered_titles(columns: usize) -> Vec<String> {
 /// The titles of a text, one for each field of its rows.
 struct FittedTitles {
     titles: ByteRecord,
-    /// The titles that no row has a field for.
+    /// Titles of remarks that no row has.
     surplus: Vec<String>,
 }
 
-/// The titles without those behind the last field of all rows, with an empty one for numbers of rows that have none.
+/// The titles without one of remarks that no row has, with an empty one for numbers of rows that have none.
 fn fitted_titles(
     titles: &ByteRecord,
     below: &[Vec<String>],
@@ -334,13 +346,21 @@ fn fitted_titles(
     let most = most.unwrap_or(titles.len());
     let is_even = least == Some(most) && lengths.count() > 1;
     let fields: Vec<&[u8]> = titles.iter().collect();
-    let are_numbered = || count_up(below.iter().map(|row| row.first()));
+    let begins = |row: &Vec<String>| row.first().is_some_and(|number| number == "1");
+    let are_numbered = || {
+        let is_count = count_up(below.iter().map(|row| row.first()));
+        is_count && below.first().is_some_and(begins) && runs(below, 1)
+    };
+    let is_remark = |title: &&[u8]| {
+        let title = String::from_utf8_lossy(title).trim().to_lowercase();
+        REMARKS.contains(&title.as_str())
+    };
     let mut surplus = Vec::new();
     let kept: Vec<&[u8]> = match fields.len() {
         length if is_even && length + 1 == most && length > 0 && are_numbered() => {
             [&[&b""[..]], &fields[..]].concat()
         }
-        length if length > most && most > 1 => {
+        length if most > 1 && length == most + 1 && fields.last().is_some_and(is_remark) => {
             surplus = fields_of(titles).into_iter().skip(most).collect();
             fields[..most].to_vec()
         }

@@ -1,5 +1,6 @@
 //! What the first lines of a CSV tell: its delimiter, its kind, and how it writes numbers.
 
+use super::super::clock::names;
 use super::super::error::ReadError;
 use super::super::format::HEAD_BYTES;
 use super::super::options::{Decimal, Options};
@@ -26,13 +27,16 @@ pub(super) struct Sniff {
     pub(super) delimiter: u8,
     pub(super) shape: Shape,
     rows: Vec<Vec<String>>,
+    /// An option says what numbers of time are.
+    are_numbers_times: bool,
 }
 
 impl Sniff {
-    pub(super) fn new(head: &[u8], options: &TableOptions) -> Self {
+    pub(super) fn new(head: &[u8], options: &Options) -> Self {
         let whole = without_cut_line(head);
-        let (delimiter, shape) = shape_of(whole, options);
+        let (delimiter, shape) = shape_of(whole, &options.table);
         Self {
+            are_numbers_times: options.says_numbers_of_time(),
             delimiter,
             rows: table_rows(whole, delimiter, &shape, ROWS),
             shape,
@@ -70,6 +74,7 @@ impl Sniff {
     /// time where the first has neither.
     pub(super) fn time(&self) -> usize {
         match self.rows.split_first() {
+            Some((_, rows)) if self.are_numbers_times && are_numbers(rows) => 0,
             Some((_, rows)) => likely_time(&self.titles(), rows),
             None => 0,
         }
@@ -180,6 +185,16 @@ impl Sniff {
     }
 }
 
+/// Whether the fields of the first column are numbers.
+fn are_numbers(rows: &[Vec<String>]) -> bool {
+    let mut fields = rows.iter().filter_map(|row| row.first());
+    let is_number = |field: &String| {
+        let reads = |decimal| value::number(field, decimal).is_some();
+        reads(None) || reads(Some(Decimal::Comma))
+    };
+    fields.all(|field| field.is_empty() || is_number(field))
+}
+
 /// The column of the time by its title, or by fields that are all times.
 fn likely_time(titles: &[&str], rows: &[Vec<String>]) -> usize {
     let all = |column: usize, is: &dyn Fn(&str) -> bool| {
@@ -189,11 +204,15 @@ fn likely_time(titles: &[&str], rows: &[Vec<String>]) -> usize {
     };
     let are_stamps = |column: &usize| all(*column, &stamp::is_one);
     let is_called = |column: &usize| is_called_time(titles[*column]) && all(*column, &is_data);
-    let has_unit = |column: usize| {
-        let (_, unit) = time_name_and_unit(titles[column]);
-        !unit.is_empty() && units::parse_time(unit).is_some()
+    let is_titled = |title: &str| {
+        let (name, unit) = time_name_and_unit(title);
+        let letters = name.chars().filter(|letter| letter.is_alphanumeric());
+        let plain: String = letters.flat_map(char::to_lowercase).collect();
+        names::TIMES.contains(&plain.as_str())
+            || !unit.is_empty() && units::parse_time(unit).is_some()
     };
-    let is_first = titles.is_empty() || has_unit(0) || is_called(&0) || are_stamps(&0);
+    let is_first = titles.first().is_none_or(|title| is_titled(title));
+    let is_first = is_first || is_called(&0) || are_stamps(&0);
     let mut called = (1..titles.len()).filter(is_called);
     match (called.next(), called.next()) {
         _ if is_first => 0,
@@ -341,8 +360,7 @@ mod tests {
 
     #[test]
     fn fractions_are_judged_over_all_columns_together() {
-        let fractions =
-            |text: &str| Sniff::new(text.as_bytes(), &TableOptions::default()).fractions();
+        let fractions = |text: &str| Sniff::new(text.as_bytes(), &Options::default()).fractions();
         assert_eq!(fractions("t;a\n0;0,5\n"), Fractions::Comma);
         assert_eq!(fractions("t;a\n0;12,25\n"), Fractions::Comma);
         assert_eq!(fractions("t;a\n0;1,234\n"), Fractions::Point);

@@ -36,6 +36,15 @@ fn the_time_may_stand_behind_other_columns() {
     let recording = read(parts.as_bytes(), &options).unwrap();
     assert_eq!(values(&recording, "PT"), [3.2, 3.3, 3.4]);
 
+    // A first column that is called as times are stays the time beside another time.
+    let dead = "t,p,dead time [s]\n0,1,5\n1,2,6\n2,3,7\n";
+    assert_eq!(stored(dead, "dead time"), [5.0, 6.0, 7.0]);
+    let cycles = "cycle,rise time [s]\n0,5\n1,6\n2,7\n";
+    let mut options = Options::default();
+    options.set("time_unit", "ms").unwrap();
+    let recording = read(cycles.as_bytes(), &options).unwrap();
+    assert_eq!(values(&recording, "rise time"), [5.0, 6.0, 7.0]);
+
     // A first column with a unit of time, or called so, is the time whatever else stands there.
     let both = "t [s],stamp,p\n0,2026-03-02T08:15:00Z,1\n1,2026-03-02T08:15:01Z,2\n2,2026-03-02T08:15:02Z,3\n";
     assert!(parse(both).map_or(true, |recording| recording.start.is_none()));
@@ -74,6 +83,7 @@ fn heads_of_loggers_and_oscilloscopes_are_read() {
     assert_eq!(stored(scope, "2"), [2.5, 2.6, 2.7]);
 
     let labview = "X_Value\tPT [bar]\tComment\n0.0\t3.2\n0.1\t3.3\n0.2\t3.4\n";
+    assert!(!codes(&labview.replace("Comment", "TT")).is_empty());
     let recording = parse(labview).unwrap();
     assert_eq!(values(&recording, "PT"), [3.2e5, 3.3e5, 3.4e5]);
     assert_eq!(told(&recording), ["left_out_columns", "time_unit_assumed"]);
