@@ -79,7 +79,9 @@ fn push(tags: &mut Tags<'_>, text: &str, number: u64) {
         fields.find(|(name, _)| name == key).map(|(_, value)| value)
     };
     // A field that is called a quality rates the one that is called a value.
-    let quality = field("quality").filter(|_| field("value").is_some());
+    let has_quality = text.contains("quality=");
+    let quality = has_quality.then(|| field("quality")).flatten();
+    let quality = quality.filter(|_| field("value").is_some());
     for (name, value) in point.fields().filter_map(Result::ok) {
         if name == "quality" && quality.is_some() {
             continue;

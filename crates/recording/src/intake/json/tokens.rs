@@ -57,6 +57,23 @@ impl<R: Read> PlainNumbers<R> {
         (text, replaced)
     }
 
+    /// Looks at bytes of the source.
+    fn look(&mut self, mut bytes: &[u8], plain: &mut Vec<u8>) {
+        while !bytes.is_empty() {
+            if self.word.is_empty() && !self.is_escaped {
+                let ends: &[u8] = if self.is_in_text { b"\"\\" } else { b"\"-NI" };
+                let end = bytes.iter().position(|byte| ends.contains(byte));
+                let (before, behind) = bytes.split_at(end.unwrap_or(bytes.len()));
+                plain.extend_from_slice(before);
+                bytes = behind;
+            }
+            if let Some((byte, behind)) = bytes.split_first() {
+                self.step(*byte, plain);
+                bytes = behind;
+            }
+        }
+    }
+
     /// Looks at a byte of the source.
     fn step(&mut self, byte: u8, plain: &mut Vec<u8>) {
         if self.is_in_text {
@@ -100,9 +117,7 @@ impl<R: Read> Read for PlainNumbers<R> {
             let count = self.source.read(&mut chunk)?;
             let mut plain = std::mem::take(self.ahead.get_mut());
             plain.clear();
-            for byte in chunk.iter().take(count) {
-                self.step(*byte, &mut plain);
-            }
+            self.look(chunk.get(..count).unwrap_or_default(), &mut plain);
             if count == 0 {
                 plain.append(&mut self.word);
             }

@@ -56,18 +56,16 @@ pub(super) struct ValueFields<'f> {
 impl<'f> ValueFields<'f> {
     /// The value of an object by the names of its fields, but for the field of its time.
     pub(super) fn of(fields: &'f Fields, time: Option<&str>) -> Option<Self> {
-        let entries: Vec<_> = fields.0.iter().collect();
-        let keys = entries.iter().map(|(key, _)| &**key);
-        let keys: Vec<&str> = keys
-            .map(|key| if Some(key) == time { "" } else { key })
-            .collect();
-        let columns = ValueColumns::of(&keys);
-        let leaf = |place: usize| entries.get(place).map(|(_, leaf)| leaf);
-        let named = || keys.iter().position(|key| is_any(key, &VALUES));
-        let place = columns.value.or_else(named)?;
+        Self::at(fields, columns_of(fields, time))
+    }
+
+    /// The value of an object in these columns of its fields.
+    pub(super) fn at(fields: &'f Fields, columns: ValueColumns) -> Option<Self> {
+        let leaf = |place: usize| fields.0.get(place).map(|(_, leaf)| leaf);
+        let place = columns.value?;
         let quality = columns.quality.filter(|(quality, _)| *quality != place);
         Some(Self {
-            key: keys.get(place)?,
+            key: fields.0.get(place).map(|(key, _)| &**key)?,
             leaf: leaf(place)?,
             unit: columns
                 .unit
@@ -105,6 +103,17 @@ impl<'f> ValueFields<'f> {
             is_nested: false,
         })
     }
+}
+
+/// Where among the fields of an object its value stands by the names of all, but for that of its time.
+pub(super) fn columns_of(fields: &Fields, time: Option<&str>) -> ValueColumns {
+    let keys = fields.0.iter().map(|(key, _)| &**key);
+    let keys = keys.map(|key| if Some(key) == time { "" } else { key });
+    let keys: Vec<&str> = keys.collect();
+    let mut columns = ValueColumns::of(&keys);
+    let named = || keys.iter().position(|key| is_any(key, &VALUES));
+    columns.value = columns.value.or_else(named);
+    columns
 }
 
 /// The unit that Home Assistant has among the attributes of a state.

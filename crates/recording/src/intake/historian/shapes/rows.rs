@@ -1,16 +1,17 @@
 //! Objects with a time: each is a row of several signals, or a sample of one.
 
 use super::super::super::cell::Cell;
-use super::super::super::csv::LongColumns;
+use super::super::super::csv::{LongColumns, ValueColumns};
 use super::super::super::tags::Tags;
 use super::super::walk::{Fields, JsonLeaf, PathStep};
 use super::instants;
 use super::keys::is_any;
-use super::measured::{MeasuredValue, ValueFields, values_of};
+use super::measured::{self, MeasuredValue, ValueFields, values_of};
 use super::naming::{self, LabelledName};
 use super::place::DocumentPlace;
 use super::senml::SenmlBase;
 use super::series::{SampleTime, SeriesTags, plain_value};
+use std::rc::Rc;
 
 /// Keys of tags beside those of tables, in small letters without signs.
 const TAGS: [&str; 2] = ["entityid", "statisticid"];
@@ -26,6 +27,35 @@ pub(super) struct RecordRows<'o> {
     sender: Option<(Vec<PathStep>, LabelledName)>,
     is_told_left_out: bool,
     senml: SenmlBase,
+    keys: Option<RowKeys>,
+}
+
+/// What the fields of rows are by their keys.
+struct RowKeys {
+    keys: Vec<Rc<str>>,
+    /// The key of the time.
+    time: String,
+    long: Option<LongColumns>,
+    values: ValueColumns,
+}
+
+impl RowKeys {
+    fn of(fields: &Fields, time: &str) -> Self {
+        let titles: Vec<&str> = fields.0.iter().map(|(key, _)| &**key).collect();
+        Self {
+            keys: fields.0.iter().map(|(key, _)| Rc::clone(key)).collect(),
+            time: time.to_owned(),
+            long: LongColumns::of(&titles).filter(|long| titles[long.time] == time),
+            values: measured::columns_of(fields, Some(time)),
+        }
+    }
+
+    fn are_of(&self, fields: &Fields, time: &str) -> bool {
+        let mut pairs = self.keys.iter().zip(&fields.0);
+        self.time == time
+            && self.keys.len() == fields.0.len()
+            && pairs.all(|(key, (field, _))| key == field)
+    }
 }
 
 /// A row, and what its fields are.
@@ -33,6 +63,7 @@ struct TimedRow<'f> {
     fields: &'f Fields,
     time: SampleTime<'f>,
     long: Option<LongColumns>,
+    values: ValueColumns,
     tag: Option<&'f str>,
 }
 
@@ -45,6 +76,7 @@ impl<'o> RecordRows<'o> {
             sender: None,
             is_told_left_out: false,
             senml: SenmlBase::default(),
+            keys: None,
         }
     }
 
@@ -92,13 +124,21 @@ impl<'o> RecordRows<'o> {
         fields: &'f Fields,
         time: SampleTime<'f>,
     ) -> bool {
-        let titles: Vec<&str> = fields.0.iter().map(|(key, _)| &**key).collect();
-        let long = LongColumns::of(&titles).filter(|long| titles[long.time] == time.key);
+        let keys = self
+            .keys
+            .take()
+            .filter(|keys| keys.are_of(fields, time.key));
+        let keys = self
+            .keys
+            .insert(keys.unwrap_or_else(|| RowKeys::of(fields, time.key)));
+        let (long, values) = (keys.long.clone(), keys.values);
+        let key_of = |long: &LongColumns| fields.0.get(long.tag).map(|(key, _)| &**key);
         let row = TimedRow {
-            tag: self.tag_of(fields, long.as_ref().map(|long| titles[long.tag])),
+            tag: self.tag_of(fields, long.as_ref().and_then(key_of)),
             fields,
             time,
             long,
+            values,
         };
         if row.tag.is_some() || self.series.tags.options.table.tag.is_some() {
             return self.take_tagged(place, &row);
@@ -115,7 +155,7 @@ impl<'o> RecordRows<'o> {
     ) -> Option<SampleTime<'f>> {
         let option = self.series.tags.options.time.as_deref();
         let field = |key: &str| fields.0.iter().find(|(name, _)| **name == *key);
-        let timed = |(key, leaf): &'f (std::rc::Rc<str>, JsonLeaf)| SampleTime::of(key, leaf);
+        let timed = |(key, leaf): &'f (Rc<str>, JsonLeaf)| SampleTime::of(key, leaf);
         if !(self.are_rows && place.levels.is_empty()) {
             let by_field = instants::time_key(fields, option)
                 .and_then(field)
@@ -190,7 +230,7 @@ impl<'o> RecordRows<'o> {
     /// The values of a row that names its signal, and whether the row has but one.
     fn values_of_tag<'f>(&self, row: &TimedRow<'f>) -> (Vec<MeasuredValue<'f>>, bool) {
         let options = &self.series.tags.options.table;
-        let told = ValueFields::of(row.fields, Some(row.time.key));
+        let told = ValueFields::at(row.fields, row.values);
         let quality = match options.quality.as_deref() {
             Some("none") => None,
             Some(key) => row.fields.get(key),
@@ -236,7 +276,7 @@ impl<'o> RecordRows<'o> {
     /// Takes a sample of the signal that the objects around it name. None where the object is no such sample; false
     /// where the name may still come.
     fn take_single(&mut self, place: &DocumentPlace<'_>, row: &TimedRow<'_>) -> Option<bool> {
-        let told = ValueFields::of(row.fields, Some(row.time.key))?;
+        let told = ValueFields::at(row.fields, row.values)?;
         let (list, in_list) = place.around.list();
         let is_flat = place.levels.is_empty() && in_list.is_none();
         if !told.is_alone(row.fields, row.time.key) || is_flat && told.says_nothing() {
