@@ -9,7 +9,7 @@ pub(super) mod names;
 mod spelling;
 
 use super::cell::Cell;
-use super::epochs::Epoch;
+use super::epochs::{Epoch, UNIX, UNIX_SCALES};
 use super::options::{Options, TimeUnit};
 use super::stamp::{self, Stamp};
 use super::units;
@@ -20,17 +20,6 @@ use jiff::tz::TimeZone;
 use names::{COUNTERS, TIMES};
 use spelling::Spelling;
 use std::borrow::Cow;
-
-/// Unix times of plants: 1990 to 2100 `[s]`.
-const UNIX: std::ops::Range<f64> = 631_152_000.0..4_102_444_800.0;
-
-/// Units in which Unix times are written `[s]`.
-const UNIX_SCALES: [(f64, &str); 4] = [
-    (1.0, "Unix seconds"),
-    (1e-3, "Unix milliseconds"),
-    (1e-6, "Unix microseconds"),
-    (1e-9, "Unix nanoseconds"),
-];
 
 /// Nanoseconds of a second.
 const NANOSECONDS: f64 = 1e9;
@@ -481,12 +470,6 @@ impl Clock {
 enum TimeNumbers {
     Seconds(f64),
     Instants(Spelling),
-}
-
-/// Whether a number is a Unix time of plants by its size.
-pub(super) fn is_unix_time(value: f64) -> bool {
-    let mut scales = UNIX_SCALES.iter();
-    scales.any(|(factor, _)| UNIX.contains(&(value * factor)))
 }
 
 fn unix_nanoseconds(instant: Timestamp) -> Option<i64> {

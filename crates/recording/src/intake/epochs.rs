@@ -2,6 +2,17 @@
 
 use std::ops::Range;
 
+/// Unix times of plants: 1990 to 2100 `[s]`.
+pub(super) const UNIX: std::ops::Range<f64> = 631_152_000.0..4_102_444_800.0;
+
+/// Units in which Unix times are written `[s]`.
+pub(super) const UNIX_SCALES: [(f64, &str); 4] = [
+    (1.0, "Unix seconds"),
+    (1e-3, "Unix milliseconds"),
+    (1e-6, "Unix microseconds"),
+    (1e-9, "Unix nanoseconds"),
+];
+
 /// A way of counting time. The ranges of numbers are those of 1990 to 2100.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Epoch {
@@ -105,4 +116,10 @@ impl Epoch {
             Epoch::Ticks => name.contains("ticks"),
         }
     }
+}
+
+/// Whether a number is a Unix time of plants by its size.
+pub(super) fn is_unix_time(value: f64) -> bool {
+    let mut scales = UNIX_SCALES.iter();
+    scales.any(|(factor, _)| UNIX.contains(&(value * factor)))
 }

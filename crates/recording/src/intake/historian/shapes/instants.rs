@@ -1,7 +1,7 @@
 //! Times of a document: which field is the time, and what is one by its look.
 
-use super::super::super::clock::is_unix_time;
 use super::super::super::csv::time_name_and_unit;
+use super::super::super::epochs::is_unix_time;
 use super::super::super::stamp;
 use super::super::walk::{Fields, JsonLeaf};
 use super::keys::is_any;
