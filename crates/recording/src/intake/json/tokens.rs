@@ -59,19 +59,28 @@ impl<R: Read> PlainNumbers<R> {
 
     /// Looks at bytes of the source.
     fn look(&mut self, mut bytes: &[u8], plain: &mut Vec<u8>) {
-        while !bytes.is_empty() {
+        loop {
             if self.word.is_empty() && !self.is_escaped {
-                let ends: &[u8] = if self.is_in_text { b"\"\\" } else { b"\"-NI" };
-                let end = bytes.iter().position(|byte| ends.contains(byte));
-                let (before, behind) = bytes.split_at(end.unwrap_or(bytes.len()));
-                plain.extend_from_slice(before);
-                bytes = behind;
+                bytes = self.copied(bytes, plain);
             }
-            if let Some((byte, behind)) = bytes.split_first() {
-                self.step(*byte, plain);
-                bytes = behind;
-            }
+            let Some((byte, behind)) = bytes.split_first() else {
+                return;
+            };
+            self.step(*byte, plain);
+            bytes = behind;
         }
+    }
+
+    /// Copies bytes up to one that may begin or end a text, or begin a word, and gives the bytes from there on.
+    fn copied<'b>(&self, bytes: &'b [u8], plain: &mut Vec<u8>) -> &'b [u8] {
+        let ends: &[u8] = match self.is_in_text {
+            true => b"\"\\",
+            false => b"\"-NI",
+        };
+        let end = bytes.iter().position(|byte| ends.contains(byte));
+        let (before, behind) = bytes.split_at(end.unwrap_or(bytes.len()));
+        plain.extend_from_slice(before);
+        behind
     }
 
     /// Looks at a byte of the source.
