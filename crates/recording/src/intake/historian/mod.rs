@@ -24,6 +24,17 @@ use shapes::Shapes;
 use std::io::{BufReader, Read};
 use walk::walk;
 
+/// Whether the times of a document are an object of values and their unit, as this service takes them.
+fn has_times_of_values(text: &str) -> bool {
+    let behind = text.split("\"time\"").skip(1);
+    let object = |behind: &str| -> Option<bool> {
+        let object = behind.trim_start().strip_prefix(':')?.trim_start();
+        let key = object.strip_prefix('{')?.trim_start();
+        Some(key.starts_with("\"values\"") || key.starts_with("\"unit\""))
+    };
+    behind.filter_map(object).any(|is_of_values| is_of_values)
+}
+
 /// What kind of JSON begins so.
 pub(super) fn recognised(head: &[u8]) -> Format {
     let text = String::from_utf8_lossy(head);
@@ -61,7 +72,7 @@ pub(super) fn recognised(head: &[u8]) -> Format {
     match marked {
         Some((_, format)) => format,
         None if is_array || are_lines => Format::PandasRecords,
-        None if has("sample_time_s") => Format::Json,
+        None if has("sample_time_s") || has_times_of_values(&text) => Format::Json,
         None => Format::JsonSeries,
     }
 }

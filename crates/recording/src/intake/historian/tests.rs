@@ -1,6 +1,6 @@
 //! Documents that follow each other, and what InfluxDB 1 answers.
 
-use crate::intake::{self, MediaKind, Options, ReadError};
+use crate::intake::{self, Format, MediaKind, Options, ReadError};
 use crate::{Recording, TimeAxis};
 
 fn read(text: &str) -> Result<Recording, ReadError> {
@@ -179,4 +179,22 @@ fn a_quality_beside_a_value_of_omf_rates_it() {
         values(&read(properties).unwrap(), "rig.Quality"),
         [7.0, 8.0]
     );
+}
+
+#[test]
+fn a_long_document_of_this_service_is_told_from_its_times() {
+    for head in [
+        &b"{\"time\": {\"values\": [0, 1, 2"[..],
+        b"{\"name\": \"a\", \"time\" : { \"unit\": \"ms\", \"values\": [0",
+        b"{\"sample_time_s\": 0.1, ",
+    ] {
+        assert_eq!(super::recognised(head), Format::Json);
+    }
+    for head in [
+        &b"{\"time\": [0, 1, 2"[..],
+        b"{\"time\": {\"0\": 1",
+        b"{\"PT\": {\"values\": [1",
+    ] {
+        assert_eq!(super::recognised(head), Format::JsonSeries);
+    }
 }
