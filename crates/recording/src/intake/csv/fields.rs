@@ -46,6 +46,19 @@ pub(super) fn is_data(field: &str) -> bool {
         || value::with_unit(field).is_some_and(|(number, _)| is_data(number))
 }
 
+/// Whether a column has fields that are filled, and all of them are so.
+pub(super) fn all_fields(rows: &[Vec<String>], column: usize, are: &dyn Fn(&str) -> bool) -> bool {
+    let fields = rows.iter().filter_map(|row| row.get(column));
+    let mut filled = fields.filter(|field| !field.is_empty()).peekable();
+    filled.peek().is_some() && filled.all(|field| are(field))
+}
+
+/// Whether a field is a number, whichever sign stands before its fraction.
+pub(super) fn is_number(field: &str) -> bool {
+    let reads = |decimal| value::number(field, decimal).is_some();
+    reads(None) || reads(Some(Decimal::Comma))
+}
+
 /// Whether each field is a number that is larger by 1 than the one before.
 pub(super) fn count_up<'f>(fields: impl Iterator<Item = Option<&'f String>>) -> bool {
     let numbers = fields.map(|field| value::number(field?, None));

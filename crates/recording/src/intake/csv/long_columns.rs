@@ -2,10 +2,10 @@
 
 use super::super::error::{ReadError, excerpt, invalid};
 use super::super::layout::ColumnRole;
-use super::super::options::{Decimal, Options};
+use super::super::options::Options;
 use super::super::quality::{Scheme, word};
 use super::super::{title, value};
-use super::fields::{count_up, is_called_time};
+use super::fields::{all_fields, count_up, is_called_time, is_number};
 use crate::{Class, Warning};
 use greybox_numerics::parsing::Fault;
 use greybox_numerics::parsing::reader::did_you_mean;
@@ -337,21 +337,11 @@ impl LongColumns {
 /// The columns of numbers, but for those that are `apart`.
 fn numbers(rows: &[Vec<String>], apart: &[usize]) -> Vec<usize> {
     let width = rows.iter().map(Vec::len).max().unwrap_or(0);
-    // A comma stands before a fraction or between thousands: either way the field is a number.
-    let reads = |field: &str, decimal| value::number(field, decimal).is_some();
-    let is_read = |field: &str| reads(field, None) || reads(field, Some(Decimal::Comma));
-    let is_number = |column: &usize| {
-        let fields = rows
-            .iter()
-            .map(|row| row.get(*column).map_or("", String::as_str));
-        let filled: Vec<&str> = fields.filter(|field| !field.is_empty()).collect();
-        let mut all = filled.iter();
-        !filled.is_empty() && all.all(|field| is_read(field))
-    };
+    let is_of_numbers = |column: &usize| all_fields(rows, *column, &is_number);
     // The first column of an export of a database often numbers its rows.
     let is_count = |column: usize| column == 0 && count_up(rows.iter().map(|row| row.first()));
     let columns = (0..width).filter(|column| !apart.contains(column) && !is_count(*column));
-    columns.filter(is_number).collect()
+    columns.filter(is_of_numbers).collect()
 }
 
 /// The column of the quality with its scheme: the one that the option names, none where the option is `none`, or the

@@ -10,7 +10,7 @@ use super::super::options::Options;
 use super::super::quality::{Scheme, may_rate};
 use super::super::tags::{Quality, RawSample, Tags};
 use super::super::title;
-use super::fields::{is_called_time, line_of, runs, texts, time_name_and_unit};
+use super::fields::{all_fields, is_called_time, line_of, runs, texts, time_name_and_unit};
 use super::rows::{TableRows, is_empty, read_row};
 use crate::ReceivedRecording;
 use ::csv::ByteRecord;
@@ -136,9 +136,7 @@ fn scheme_of_title(title: &str) -> Option<Scheme> {
 
 /// Whether a column has nothing but codes or words of quality.
 fn are_ratings(rows: &[Vec<String>], column: usize) -> bool {
-    let fields = rows.iter().filter_map(|row| row.get(column));
-    let mut fields = fields.filter(|field| !field.is_empty()).peekable();
-    fields.peek().is_some() && fields.all(|field| may_rate(field))
+    all_fields(rows, column, &may_rate)
 }
 
 /// The name of the signal whose quality a column holds, by its title.

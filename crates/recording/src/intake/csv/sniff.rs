@@ -6,7 +6,7 @@ use super::super::format::HEAD_BYTES;
 use super::super::options::{Decimal, Options};
 use super::super::table_options::TableOptions;
 use super::super::{Format, stamp, units, value};
-use super::fields::{is_called_time, is_data, time_name_and_unit};
+use super::fields::{all_fields, is_called_time, is_data, is_number, time_name_and_unit};
 use super::long_columns::LongColumns;
 use super::paired::PairedColumns;
 use super::rows::{TableRows, TextRows, read_row};
@@ -74,7 +74,7 @@ impl Sniff {
     /// time where the first has neither.
     pub(super) fn time(&self) -> usize {
         match self.rows.split_first() {
-            Some((_, rows)) if self.are_numbers_times && are_numbers(rows) => 0,
+            Some((_, rows)) if self.are_numbers_times && all_fields(rows, 0, &is_number) => 0,
             Some((_, rows)) => likely_time(&self.titles(), rows),
             None => 0,
         }
@@ -185,25 +185,11 @@ impl Sniff {
     }
 }
 
-/// Whether the fields of the first column are numbers.
-fn are_numbers(rows: &[Vec<String>]) -> bool {
-    let mut fields = rows.iter().filter_map(|row| row.first());
-    let is_number = |field: &String| {
-        let reads = |decimal| value::number(field, decimal).is_some();
-        reads(None) || reads(Some(Decimal::Comma))
-    };
-    fields.all(|field| field.is_empty() || is_number(field))
-}
-
 /// The column of the time by its title, or by fields that are all times.
 fn likely_time(titles: &[&str], rows: &[Vec<String>]) -> usize {
-    let all = |column: usize, is: &dyn Fn(&str) -> bool| {
-        let fields = rows.iter().filter_map(|row| row.get(column));
-        let mut fields = fields.filter(|field| !field.is_empty()).peekable();
-        fields.peek().is_some() && fields.all(|field| is(field))
-    };
-    let are_stamps = |column: &usize| all(*column, &stamp::is_one);
-    let is_called = |column: &usize| is_called_time(titles[*column]) && all(*column, &is_data);
+    let are_stamps = |column: &usize| all_fields(rows, *column, &stamp::is_one);
+    let is_called =
+        |column: &usize| is_called_time(titles[*column]) && all_fields(rows, *column, &is_data);
     let is_titled = |title: &str| {
         let (name, unit) = time_name_and_unit(title);
         let letters = name.chars().filter(|letter| letter.is_alphanumeric());

@@ -1,7 +1,7 @@
 //! A time in several columns: a date and a time of day, and milliseconds beside a time to the second.
 
 use super::super::stamp;
-use super::fields::is_called_time;
+use super::fields::{all_fields, is_called_time};
 use ::csv::ByteRecord;
 
 /// Titles of columns of milliseconds, in small letters.
@@ -41,11 +41,7 @@ const PARTS: [&[&str]; 6] = [
 impl SplitTime {
     /// The columns by what stands in them; none where the time has one column.
     pub(super) fn of(titles: &[String], rows: &[Vec<String>]) -> Option<SplitTime> {
-        let all = |column: usize, is: &dyn Fn(&str) -> bool| {
-            let fields = rows.iter().filter_map(|row| row.get(column));
-            let mut fields = fields.filter(|field| !field.is_empty()).peekable();
-            fields.peek().is_some() && fields.all(|field| is(field))
-        };
+        let all = |column: usize, is: &dyn Fn(&str) -> bool| all_fields(rows, column, is);
         let is_pair = |date: usize, clock: usize| {
             let of_sheet = || {
                 is_called_time(&titles[clock]) && all(date, &is_midnight) && all(clock, &is_of_day)
@@ -54,7 +50,7 @@ impl SplitTime {
         };
         let is_part = |(k, names): (usize, &&[&str])| {
             let title = titles.get(k).map(|title| title.to_lowercase());
-            title.is_some_and(|title| names.contains(&title.as_str())) && all(k, &is_number)
+            title.is_some_and(|title| names.contains(&title.as_str())) && all(k, &is_count)
         };
         let are_parts = |first: &usize| (*first..).zip(PARTS.iter()).all(is_part);
         if let Some(first) = (0..2).find(are_parts) {
@@ -154,7 +150,7 @@ fn parts_as_text([year, month, day, hour, minute, second]: &[String; 6]) -> Vec<
     format!("{date} {hour:0>2}:{minute:0>2}:{zero}{second}").into_bytes()
 }
 
-fn is_number(text: &str) -> bool {
+fn is_count(text: &str) -> bool {
     text.parse::<f64>().is_ok_and(|number| number >= 0.0)
 }
 

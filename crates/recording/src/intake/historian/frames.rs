@@ -6,21 +6,8 @@ use super::super::cell::Cell;
 use super::super::clock::Clock;
 use super::super::csv::time_name_and_unit;
 use super::super::tags::{Quality, RawSample, Tags};
+use super::time_names;
 use super::walk::{Fields, JsonLeaf, Surroundings, Visit};
-
-/// Names of columns that are the time, in the order in which they are looked for.
-const TIMES: [&str; 10] = [
-    "timestamp",
-    "time",
-    "datetime",
-    "date",
-    "date_time",
-    "ts",
-    "t",
-    "t_stamp",
-    "index",
-    "level_0",
-];
 
 /// Rows on their way to their tags.
 pub(super) struct Frame<'o> {
@@ -50,14 +37,7 @@ impl<'o> Frame<'o> {
             return time.clone();
         }
         let time_option = self.tags.options.time.as_deref();
-        let is_named = |name: &&str| {
-            let (plain, _) = time_name_and_unit(name);
-            let plain = plain.to_lowercase();
-            TIMES
-                .iter()
-                .any(|time| plain == *time || name.to_lowercase() == *time)
-        };
-        let named = columns.iter().copied().find(is_named);
+        let named = time_names::named(columns.iter().copied());
         let time = time_option.or(key).or(named).or(columns.first().copied());
         let time = time.unwrap_or_default().to_owned();
         let (_, unit) = time_name_and_unit(&time);

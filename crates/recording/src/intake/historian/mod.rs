@@ -10,6 +10,7 @@ mod cognite;
 mod frames;
 mod records;
 mod shapes;
+mod time_names;
 mod walk;
 
 use super::clock::Clock;

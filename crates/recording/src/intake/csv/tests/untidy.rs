@@ -47,7 +47,9 @@ fn the_time_may_stand_behind_other_columns() {
 
     // A first column with a unit of time, or called so, is the time whatever else stands there.
     let both = "t [s],stamp,p\n0,2026-03-02T08:15:00Z,1\n1,2026-03-02T08:15:01Z,2\n2,2026-03-02T08:15:02Z,3\n";
-    assert!(parse(both).map_or(true, |recording| recording.start.is_none()));
+    let recording = parse(both).unwrap();
+    assert_eq!(values(&recording, "p"), [1.0, 2.0, 3.0]);
+    assert_eq!(recording.start, None);
 }
 
 #[test]

@@ -3,24 +3,11 @@
 use super::super::super::csv::time_name_and_unit;
 use super::super::super::epochs::is_unix_time;
 use super::super::super::stamp;
+use super::super::time_names;
 use super::super::walk::{Fields, JsonLeaf};
 use super::keys::is_any;
 use jiff::Timestamp;
 use std::borrow::Cow;
-
-/// Names of fields that are the time, in the order in which they are looked for.
-const TIMES: [&str; 10] = [
-    "timestamp",
-    "time",
-    "datetime",
-    "date",
-    "date_time",
-    "ts",
-    "t",
-    "t_stamp",
-    "index",
-    "level_0",
-];
 
 /// Names of fields that are the time where their values are instants, in small letters without signs.
 const INSTANTS: [&str; 13] = [
@@ -110,16 +97,6 @@ pub(super) fn of_parts(parts: &Fields) -> Option<String> {
     Some(instant.to_string())
 }
 
-/// The first of these names that is the time of a table by its name alone.
-pub(super) fn named<'k>(keys: impl Iterator<Item = &'k str> + Clone) -> Option<&'k str> {
-    let is_called = |key: &str, time: &str| {
-        let (plain, _) = time_name_and_unit(key);
-        plain.to_lowercase() == time || key.to_lowercase() == time
-    };
-    let mut keys = keys;
-    keys.find(|key| TIMES.iter().any(|time| is_called(key, time)))
-}
-
 /// The field of an object that is its time: the one that the option names, one that has the name of a time and is
 /// an instant, or a number under a name that is that of a time alone.
 pub(super) fn time_key<'f>(fields: &'f Fields, option: Option<&str>) -> Option<&'f str> {
@@ -129,7 +106,7 @@ pub(super) fn time_key<'f>(fields: &'f Fields, option: Option<&str>) -> Option<&
     }
     let keys = || fields.0.iter();
     let is_scalar = |leaf: &JsonLeaf| leaf.is_scalar() && *leaf != JsonLeaf::Null;
-    let by_name = named(keys().map(|(key, _)| &**key));
+    let by_name = time_names::named(keys().map(|(key, _)| &**key));
     let by_name = keys().find(|(key, leaf)| {
         Some(&**key) == by_name
             && (is_instant(leaf) || is_scalar(leaf) && is_any(time_name_and_unit(key).0, &CLOCKS))

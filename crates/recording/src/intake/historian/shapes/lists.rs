@@ -1,6 +1,7 @@
 //! Columns that stand side by side in an object, as lists or as objects by the numbers of the rows.
 
 use super::super::super::csv::time_name_and_unit;
+use super::super::time_names;
 use super::super::walk::{Fields, JsonLeaf};
 use super::instants;
 use super::keys::is_any;
@@ -38,7 +39,7 @@ impl<'f> SideBySide<'f> {
             columns = numbered(fields)?;
         }
         let keys = columns.iter().map(|column| column.key);
-        let named = option.or_else(|| instants::named(keys));
+        let named = option.or_else(|| time_names::named(keys));
         let is_named = |column: &ListColumn<'_>| {
             Some(column.key) == named && column.may_be_time(option.is_some())
         };

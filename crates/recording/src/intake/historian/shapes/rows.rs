@@ -3,6 +3,7 @@
 use super::super::super::cell::Cell;
 use super::super::super::csv::{LongColumns, ValueColumns};
 use super::super::super::tags::Tags;
+use super::super::time_names;
 use super::super::walk::{Fields, JsonLeaf, PathStep};
 use super::instants;
 use super::keys::is_any;
@@ -364,7 +365,7 @@ fn row_time(fields: &Fields) -> Option<&str> {
         .as_text()
         .is_some_and(|text| !text.contains(char::is_numeric));
     let is_time = are_scalars && !is_word || instants::is_instant(leaf);
-    instants::named(fields.0.iter().map(|(key, _)| &**key))
+    time_names::named(fields.0.iter().map(|(key, _)| &**key))
         .or_else(by_look)
         .or_else(|| is_time.then_some(&**first))
 }

@@ -24,8 +24,8 @@ fn a_range_of_prometheus_has_a_signal_for_each_metric() {
     let recording = check(&answer(&[pt.clone(), tt]), &[PT, TT]);
     assert_eq!(recording.source.format, "json_series");
     assert_eq!(codes(&recording), ["time_unit_from_size"]);
-    let other = series(r#""__name__": "PT", "job": "hall4""#, ["1", "NaN", "2"]);
-    let recording = read(&answer(&[pt, other]));
+    let neighbour = series(r#""__name__": "PT", "job": "hall4""#, ["1", "NaN", "2"]);
+    let recording = read(&answer(&[pt, neighbour]));
     assert_eq!(
         signals(&recording)[0],
         ("PT,job=hall3", &[3.2, 3.3, 3.4][..])

@@ -40,9 +40,9 @@ fn lists_count_from_their_first_time_where_the_times_are_no_dates() {
     let recording = read(r#"{"time [ms]": [0, 500, 1000], "p": [1, 2, 3], "units": {"p": "bar"}}"#);
     assert_eq!(signals(&recording), [("p", &[1e5, 2e5, 3e5][..])]);
     assert_eq!(recording.time.sample_time(), 0.5);
-    let other = r#"{"x": [0, 0.5, 1], "y": [1, 2, 3], "name": "p"}"#;
-    assert_eq!(fault(other, &[]).0, "no_signals");
-    let read = read_with(other, &["time=x", "time_unit=s"]).unwrap();
+    let unnamed = r#"{"x": [0, 0.5, 1], "y": [1, 2, 3], "name": "p"}"#;
+    assert_eq!(fault(unnamed, &[]).0, "no_signals");
+    let read = read_with(unnamed, &["time=x", "time_unit=s"]).unwrap();
     assert_eq!(signals(&read), [("p", &[1.0, 2.0, 3.0][..])]);
 }
 
