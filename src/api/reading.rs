@@ -83,6 +83,9 @@ pub struct ReadingQuery {
     pub value: Option<String>,
     /// The column of the quality of such a table, or `none`.
     pub quality: Option<String>,
+    /// The lines of a text, from 1, that are left out whatever stands in them.
+    #[param(example = "7,20-25,100-")]
+    pub skip: Option<String>,
     /// A layout that was saved (`PUT /v1/layouts/{name}`), whose options count where the query does not give them.
     #[param(example = "monthly export of hall 2")]
     pub layout: Option<String>,

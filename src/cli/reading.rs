@@ -84,6 +84,10 @@ pub struct Reading {
     /// The column of the quality, where a row names its signal, or `none`
     #[arg(long)]
     quality: Option<String>,
+
+    /// The lines of a text, from 1, that are left out: `7,20-25,100-`
+    #[arg(long)]
+    skip: Option<String>,
 }
 
 impl Reading {
@@ -125,6 +129,7 @@ impl Reading {
             ("tag", self.tag.as_deref()),
             ("value", self.value.as_deref()),
             ("quality", self.quality.as_deref()),
+            ("skip", self.skip.as_deref()),
         ]
     }
 }

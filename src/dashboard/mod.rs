@@ -122,7 +122,7 @@ static ASSETS: LazyLock<Vec<Asset>> = LazyLock::new(|| {
 #[rustfmt::skip]
 fn embedded() -> impl IntoIterator<Item = Asset> { assets! {
     "compare": "differences.js" "jobs.js" "methods.js";
-    "data": "datasets.js" "layout.js" "layouts.js" "mark_form.js" "marking.js" "marks.css" "marks.js" "options.js" "plots.js"
+    "data": "datasets.js" "layout.js" "layouts.js" "lines.js" "mark_form.js" "marking.js" "marks.css" "marks.js" "options.js" "plots.js"
         "quality.js" "roles.js" "units.js" "upload.js" "versions.js";
     "docs": "guide.css" "reference.js";
     "job": "ancestry.js" "budget.js" "contents.js" "correlation.js" "design.js" "disturbance.js" "disturbance_words.js" "effects.js"

@@ -4,6 +4,7 @@
 // A step names a control by its label: `choose` picks an option by its words, `type` fills a field, and `press`
 // presses a button.
 
+import fs from "node:fs";
 import zlib from "node:zlib";
 
 const COUNT = 8;
@@ -434,5 +435,38 @@ export const CASES = [
     roles: ["Left out", "Time", "Signal"],
     read: "titles in line 1, samples from line 2 on; semicolons separate the columns",
     truth: { time: TENTHS, signals: { flow: signal(FLOWS, LITRES) } },
+  },
+  {
+    name: "a line that no table has",
+    file: "restarted.csv",
+    content: lines(["t [s];flow [l/min]"], (k) => [
+      `${comma(k / 10, 1)};${comma(flow(k))}`,
+      ...(k === 1 ? ["restarted;by;hand"] : []),
+    ]),
+    asks: "3 fields where the header has 2",
+    steps: [["choose", "What line 4 is", "left out by you"]],
+    roles: ["Time", "Signal"],
+    read: "titles in line 1, samples from line 2 on; semicolons separate the columns",
+    truth: { time: TENTHS, signals: { flow: signal(FLOWS, LITRES) } },
+  },
+  {
+    name: "a workbook whose samples stand behind its cover",
+    file: "cover.xlsx",
+    content: fs.readFileSync(
+      new URL("../../crates/recording/tests/payloads/excel/nasty.xlsx", import.meta.url),
+    ),
+    asks: "a time column and at least one signal column are needed",
+    steps: [["choose", "Worksheet", "samples"], ZONE],
+    roles: ["Time", "Tag (name of the signal)", "Value", "Quality"],
+    place: "Worksheet samples, read as",
+    read: "titles in line 1, samples from line 2 on",
+    truth: {
+      start: "2026-03-02T08:15:00Z",
+      time: [0, 1, 2, 3, 4, 5],
+      signals: {
+        valve: signal([0, 0, 2, null, 2, 1], PLAIN),
+        pressure: signal([1.5, 1.75, 2.25, 3.5, 3.25, 3], PLAIN),
+      },
+    },
   },
 ];

@@ -129,7 +129,7 @@ for (const [k, sample] of CASES.entries()) {
     await picture(page, `${file}-read-${size.width}-${size.scheme}`, ".drop");
     const { refusals, sentence, roles, heads, struck, lines } = await drawn(page);
     assert.deepEqual(refusals, []);
-    assert.equal(sentence, `Read as: ${sample.read}.`);
+    assert.equal(sentence, `${sample.place ?? "Read as"}: ${sample.read}.`);
     assert.deepEqual(roles, sample.roles);
     assert.deepEqual(sample.heads ?? heads, heads);
     assert.equal(struck > 0, sample.roles.includes("Left out"));

@@ -534,9 +534,9 @@ test("a disturbance is told in the plant's words", () => {
   assert.match(sentence(sensor), /^The sensor of position drifts by 0.204 ± 0.021\u00a0m /);
 });
 
-const { changesOfKind, changesOfRole, changesOfRow, isText, kindOfRow, likelyTag, listText, namedLines } =
+const { changesOfKind, changesOfRole, changesOfRow, isTable, kindOfRow, likelyTag, listText, namedLines } =
   await part("data/roles.js");
-const { namesIn, rolesOf, sentenceOf } = await part("data/roles.js");
+const { isWhole, namesIn, rolesOf, sentenceOf } = await part("data/roles.js");
 
 const column = (title, role) => ({ title, name: title.replace(/ \[.*/, ""), unit: null, role });
 const NOTHING_SAID = {
@@ -572,9 +572,10 @@ const layoutOf = (answer, values = {}, guess = answer) => ({
   rowGuess: guess,
 });
 
-test("only a text has first rows to show", () => {
+test("a table has first rows to show, and a document of JSON has none", () => {
   const names = ["a.csv", "a.txt", "a", "a.csv.gz", "a.XLSX", "a.parquet", "a.json", "a.json.gz"];
-  assert.deepEqual(names.filter(isText), ["a.csv", "a.txt", "a", "a.csv.gz"]);
+  assert.deepEqual(names.filter(isTable), ["a.csv", "a.txt", "a", "a.csv.gz", "a.XLSX", "a.parquet"]);
+  assert.deepEqual(names.filter(isWhole), ["a.XLSX", "a.parquet"]);
 });
 
 test("a list of names is written so that a comma in a name does not part it", () => {

@@ -7,7 +7,9 @@ import test from "node:test";
 const part = (name) => import(new URL(`../../src/dashboard/assets/data/${name}`, import.meta.url));
 const { faultsOfName, optionsOf, parametersOf } = await part("layouts.js");
 const { answersIn, askedFor, OPTIONS, textOfOptions } = await part("options.js");
-const { changesOfKind, changesOfRole, withRolesOfOptions } = await part("roles.js");
+const { isLeftOut, rangesIn, withLine, withoutLine } = await part("lines.js");
+const { changesOfKind, changesOfRole, changesOfRow, kindOfRow, sentenceOf, withRolesOfOptions } =
+  await part("roles.js");
 const { unitsIn, unitsSupposed, unitsText, withUnit } = await part("units.js");
 
 const LAYOUT = {
@@ -146,4 +148,53 @@ test("rows with a time beside each signal are read otherwise, and as before", ()
   const layout = { answer: guess, values: valuesOf({}), guess };
   assert.deepEqual(changesOfKind(layout, "wide"), { ...cleared, format: "wide_csv" });
   assert.deepEqual(changesOfKind(layout, "paired"), { ...cleared, format: "" });
+});
+
+test("lines that are left out are written as ranges", () => {
+  assert.deepEqual(rangesIn("7, 3-5,22-, x, -4"), [
+    { first: 3, last: 5 },
+    { first: 7, last: 7 },
+    { first: 22, last: Number.POSITIVE_INFINITY },
+  ]);
+  assert.equal(withLine("", 4), "4");
+  assert.equal(withLine("3-5, 7", 6), "3-7");
+  assert.equal(withLine("22-", 30), "22-");
+  assert.equal(withoutLine("3-5", 4), "3, 5");
+  assert.equal(withoutLine("22-", 22), "23-");
+  assert.equal(withoutLine("4", 4), "");
+  assert.deepEqual(
+    [3, 4, 100].map((line) => isLeftOut("4, 50-", line)),
+    [false, true, true],
+  );
+});
+
+test("a line that is left out is read again by what it is then said to be", () => {
+  const answer = { header_row: 1, unit_row: null, first_row: 2, columns: [], rows: [], faults: [] };
+  const layout = (values) => ({ answer, values: valuesOf(values), rowGuess: answer });
+  assert.equal(kindOfRow(answer, 4, "4"), "skipped");
+  assert.deepEqual(changesOfRow(layout({}), 4, "skipped"), { skip: "4" });
+  assert.deepEqual(changesOfRow(layout({ unit_row: "2" }), 2, "skipped"), { unit_row: "", skip: "2" });
+  assert.deepEqual(changesOfRow(layout({ skip: "2-4" }), 3, "data"), { skip: "2, 4" });
+  assert.deepEqual(changesOfRow(layout({ skip: "2" }), 2, "units"), { skip: "", unit_row: "2" });
+});
+
+test("the rows of a workbook are told apart by their columns alone", () => {
+  const answer = {
+    file: "excel",
+    format: "wide_csv",
+    columns: [
+      { title: "t", role: "time" },
+      { title: "a", role: "signal" },
+    ],
+  };
+  const layout = {
+    answer: { ...answer, rows: [], faults: [], first_row: 2 },
+    values: valuesOf({ tag: "a" }),
+    guess: { ...answer, format: "long_csv" },
+  };
+  assert.equal(changesOfKind(layout, "wide").format, "");
+  assert.equal(
+    sentenceOf({ delimiter: null, sheet: "Data", header_row: 3, unit_row: null, first_row: 4 }),
+    "Worksheet Data, read as: titles in line 3, samples from line 4 on.",
+  );
 });

@@ -1,5 +1,6 @@
 //! How a table is read, looked at and said before it is stored.
 
+use reqwest::Method;
 use serde_json::json;
 
 use crate::app::TestApp;
@@ -59,9 +60,9 @@ async fn what_is_no_table_of_text_is_told_and_too_much_is_refused() {
         (&json!(null), &json!([]))
     );
     app.post_json("/v1/layouts", &json!([])).await.expect(415);
-    app.post_csv("/v1/layouts", "PK\u{3}\u{4} a workbook")
-        .await
-        .expect(415);
+    let damaged = app.post_csv("/v1/layouts", "PK\u{3}\u{4} a workbook");
+    let damaged = damaged.await.expect(400).json();
+    assert_eq!(damaged["errors"][0]["code"], "not_a_workbook");
     let wrong = app
         .post_csv("/v1/layouts?header_row=0&unit_row=x", "t,p\n")
         .await;
@@ -72,4 +73,29 @@ async fn what_is_no_table_of_text_is_told_and_too_much_is_refused() {
     app.post_csv("/v1/layouts", "0,1\n".repeat(1 << 18) + "0")
         .await
         .expect(413);
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn a_workbook_is_shown_by_its_sheets_and_read_without_a_row() {
+    let app = TestApp::start().await;
+    let workbook = include_bytes!("../../crates/recording/tests/payloads/excel/nasty.xlsx");
+    let send = |path: &str| {
+        let request = app.request(Method::POST, path).body(workbook.to_vec());
+        app.send(request.header("content-type", "application/octet-stream"))
+    };
+    let cover = send("/v1/layouts").await.expect(200).json();
+    assert_eq!(cover["file"], "excel");
+    assert_eq!(cover["sheets"], json!(["cover", "samples"]));
+    assert!(!cover["faults"].as_array().unwrap().is_empty());
+    let options = "sheet=samples&tz=UTC&skip=2-3";
+    let shown = send(&format!("/v1/layouts?{options}")).await.expect(200);
+    let shown = shown.json();
+    assert_eq!(
+        (&shown["sheet"], &shown["format"]),
+        (&json!("samples"), &json!("long_csv"))
+    );
+    assert_eq!(shown["faults"], json!([]));
+    let stored = send(&format!("/v1/datasets?{options}")).await.expect(201);
+    // The rows of the first second are left out.
+    assert_eq!(stored.json()["start"], "2026-03-02T09:15:01Z");
 }

@@ -3,6 +3,12 @@
 /// How much of a text is looked at to tell what it is `[bytes]`.
 pub(super) const HEAD_BYTES: u64 = 64 * 1024;
 
+/// A head up to the end of its last whole line, where it is cut within a line.
+pub(super) fn whole_lines(head: &[u8]) -> &[u8] {
+    let end = head.iter().rposition(|byte| *byte == b'\n');
+    end.map_or(head, |end| &head[..=end])
+}
+
 /// How a source is written.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Format {
@@ -185,7 +191,14 @@ impl Format {
             Self::WideCsv | Self::PairedCsv => &columns,
             _ => &["header_row", "unit_row", "tag", "value", "quality"],
         };
-        [self.without_of_all(), table].concat()
+        // An object on each line is a line of text; other documents have none to leave out.
+        let is_document = self == Self::Json || self.is_json();
+        let has_lines = matches!(self, Self::PandasRecords | Self::JsonSeries);
+        let lines: &[&str] = match is_document && !has_lines {
+            true => &["skip"],
+            false => &[],
+        };
+        [self.without_of_all(), table, lines].concat()
     }
 
     /// Options that would do nothing for this format, but for those about the layout of a table.

@@ -12,10 +12,17 @@ pub const MOST_ROWS: usize = 30;
 /// How the beginning of a text is read.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, ToSchema)]
 pub struct Layout {
-    /// The name of the format.
+    /// The name of the format of the text, or of the rows of a file that is no text.
     #[schema(value_type = String, example = "wide_csv")]
     pub format: &'static str,
-    /// What separates the fields; none where the text is no table.
+    /// The format of the file whose rows these are, `excel` or `parquet`; none of a text.
+    #[schema(value_type = Option<String>, example = "excel")]
+    pub file: Option<&'static str>,
+    /// The worksheet of a workbook that is read.
+    pub sheet: Option<String>,
+    /// The worksheets of a workbook that can be seen.
+    pub sheets: Vec<String>,
+    /// What separates the fields; none where the source is no table of text.
     pub delimiter: Option<char>,
     /// The line of the titles, from 1.
     pub header_row: Option<u64>,

@@ -31,6 +31,7 @@ pub mod omf;
 mod options;
 mod order;
 mod quality;
+mod skipped_lines;
 pub mod spread;
 mod stamp;
 mod table_options;
@@ -51,7 +52,7 @@ pub use tags::MAX_HELD_SAMPLES;
 use crate::{Conversion, NewScratch, ReceivedRecording, Recording};
 use encoding::DecodedText;
 use error::{malformed, told};
-use format::HEAD_BYTES;
+use format::{HEAD_BYTES, whole_lines};
 use gzip::Unpacked;
 use memory::Memory;
 use std::io::{BufRead, BufReader, Cursor, Read};
@@ -114,7 +115,8 @@ fn receive_plain(
             "bytes that are no text of a known format; say what they are with `format`".to_owned(),
         ));
     }
-    let mut text = DecodedText::new(source, options.encoding.as_deref())?;
+    let text = DecodedText::new(source, options.encoding.as_deref())?;
+    let mut text = options.skip.left_out_of(text);
     let mut head = Vec::new();
     text.by_ref().take(HEAD_BYTES).read_to_end(&mut head)?;
     if head.trim_ascii().is_empty() {
@@ -167,44 +169,58 @@ fn receive_json(
     Ok(received)
 }
 
-/// Says how a text is read that begins so. Of a text that is no table only the format is told.
+/// Says how a text is read that begins so, or how the rows of a workbook or of a Parquet file are read, of which all
+/// bytes are needed. Of a text that is no table only the format is told.
 ///
 /// # Errors
-/// When the source fails, or is no text of a format that is read here.
+/// When the source fails, or is nothing of a format that is read here.
 pub fn layout(source: impl Read, kind: MediaKind, options: &Options) -> Result<Layout, ReadError> {
-    let mut beginning = Vec::new();
-    source.take(HEAD_BYTES).read_to_end(&mut beginning)?;
-    let format = options.format.or(Format::of_magic(&beginning));
-    if let Some(format @ (Format::Excel | Format::Parquet | Format::Arrow)) = format {
-        let detail = format!(
-            "the layout of {} is not looked at: it is no text",
-            format.name()
-        );
-        return Err(ReadError::Unsupported(detail));
+    let (memory, source) = Memory::counting(source);
+    let mut source = BufReader::with_capacity(HEAD_BYTES as usize, source);
+    let format = options.format.or(Format::of_magic(source.fill_buf()?));
+    if let Some(instead) = format.and_then(Format::instead) {
+        return Err(ReadError::Unsupported(instead.to_owned()));
     }
-    let is_cut = beginning.len() as u64 == HEAD_BYTES;
+    #[cfg(any(feature = "excel", feature = "parquet"))]
+    if let Some(file @ (Format::Excel | Format::Parquet)) = format {
+        let beginning = binary::beginning(file, source, options, &memory)?;
+        let options = options.of_rows();
+        let format = csv::recognised(&options.skip.left_out(&beginning.head)?, &options);
+        let mut layout = layout_of_text(format, &beginning.head, &options)?;
+        layout.warnings.splice(0..0, beginning.notes);
+        layout.file = Some(file.name());
+        layout.sheet = beginning.sheets.shown;
+        layout.sheets = beginning.sheets.seen;
+        layout.delimiter = None;
+        return Ok(layout);
+    }
+    let mut text = DecodedText::new(source.take(HEAD_BYTES), options.encoding.as_deref())?;
     let mut head = Vec::new();
-    DecodedText::new(&beginning[..], options.encoding.as_deref())?.read_to_end(&mut head)?;
-    if let Some(end) = head
-        .iter()
-        .rposition(|byte| *byte == b'\n')
-        .filter(|_| is_cut)
-    {
-        head.truncate(end + 1);
-    }
-    let format = format.unwrap_or_else(|| recognised(kind, &head, options));
+    text.read_to_end(&mut head)?;
+    let head = match memory.read() < HEAD_BYTES {
+        true => &head[..],
+        false => whole_lines(&head),
+    };
+    let format = match format {
+        Some(format) => format,
+        None => recognised(kind, &options.skip.left_out(head)?, options),
+    };
+    layout_of_text(format, head, options)
+}
+
+/// Says how a text is read that begins so, which is UTF-8.
+fn layout_of_text(format: Format, head: &[u8], options: &Options) -> Result<Layout, ReadError> {
     let mut layout = match format.is_table() {
-        true => csv::layout(format, &head, options),
+        true => csv::layout(format, head, options)?,
         false => Layout::default(),
     };
     if format.is_table() {
-        // The head is UTF-8 by now.
         let options = Options {
             format: Some(format),
             encoding: None,
             ..options.clone()
         };
-        match receive(&head[..], MediaKind::Csv, &options, None) {
+        match receive(head, MediaKind::Csv, &options, None) {
             Ok(received) => layout.warnings = received.header.notes,
             Err(error) => layout.faults = error.faults().to_vec(),
         }

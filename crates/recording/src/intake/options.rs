@@ -4,6 +4,7 @@ use super::epochs::Epoch;
 use super::error::{ReadError, ReadingFaults};
 use super::format::Format;
 use super::quality::Scheme;
+use super::skipped_lines::SkippedLines;
 use super::table_options::TableOptions;
 use super::{encoding, offset, table_options, units};
 use crate::{Interpolation, MIN_SAMPLES, RecordingSource, TimeAxis, Warning};
@@ -36,6 +37,8 @@ pub struct Options {
     /// The worksheet of a workbook.
     pub(super) sheet: Option<String>,
     pub(super) table: TableOptions,
+    /// The lines that are left out of the text.
+    pub(super) skip: SkippedLines,
     pub(super) purpose: ReadingPurpose,
     pub(super) given: BTreeMap<String, String>,
 }
@@ -130,7 +133,7 @@ impl Options {
     }
 
     /// The options by their names but for `time`, in the order in which a digest counts them.
-    pub const NAMES: [&'static str; 18] = [
+    pub const NAMES: [&'static str; 19] = [
         "format",
         "tz",
         "time_unit",
@@ -149,6 +152,7 @@ impl Options {
         "tag",
         "value",
         "quality",
+        "skip",
     ];
 
     /// Sets the option of that name.
@@ -191,6 +195,7 @@ impl Options {
             "tag" => self.table.tag = Some(text.to_owned()),
             "value" => self.table.values = list(text)?,
             "quality" => self.table.quality = Some(text.to_owned()),
+            "skip" => self.skip = SkippedLines::named(text)?,
             _ => return Err(format!("there is no option `{option}`")),
         }
         self.given.insert(option.to_owned(), text.to_owned());
@@ -230,6 +235,15 @@ impl Options {
             faults.invalid(Fault::of_parameter(option, "invalid_parameter", detail));
         }
         faults.result()
+    }
+
+    /// The options for the rows of a file that is no text, once they are text.
+    #[cfg(any(feature = "excel", feature = "parquet"))]
+    pub(super) fn of_rows(&self) -> Self {
+        let mut options = self.clone();
+        options.sheet = None;
+        options.given.remove("sheet");
+        options
     }
 
     /// What is kept of them beside what was read.

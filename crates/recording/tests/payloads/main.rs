@@ -4,6 +4,7 @@
 
 #![expect(clippy::unwrap_used, reason = "a test whose premise fails has failed")]
 
+mod layouts;
 mod same;
 
 use greybox_recording::Recording;

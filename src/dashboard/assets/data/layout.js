@@ -14,6 +14,7 @@ import {
   changesOfRow,
   isLong,
   isOpen,
+  isWhole,
   kindOfRow,
   LAYOUT_OPTIONS,
   namedLines,
@@ -27,10 +28,17 @@ import { unitsIn, unitsSupposed, withUnit } from "./units.js";
 
 const WAIT_MS = 250;
 const HEAD_BYTES = 65_536;
+const MOST_WHOLE_BYTES = 33_554_432;
 const COLUMNS_SHOWN = 60;
 const LONG_TEXT = 28;
 const FORMATS = { wide: "wide_csv", paired: "paired_csv", long: "long_csv" };
-const KIND_WORDS = { titles: "titles", units: "units", left_out: "left out", data: "data" };
+const KIND_WORDS = {
+  titles: "titles",
+  units: "units",
+  left_out: "left out",
+  data: "data",
+  skipped: "left out by you",
+};
 
 // The part shows the first rows of a file. `form.values()` gives the options by their names, `form.saved()` the
 // layout that is chosen, `form.put(changes)` sets fields and has the server asked again, and `form.answered(faults)`
@@ -62,9 +70,9 @@ export class LayoutPart {
     );
   }
 
-  // Shows the first rows of a file, and no rows where there is no file or the file is no text.
+  // Shows the first rows of a file, and no rows where there is no file or it is too large to be looked at.
   choose(file, type) {
-    this.file = file && { head: headOf(file), type };
+    this.file = file && !isTooLarge(file) ? { head: headOf(file), type } : null;
     // A file that is not packed as its name says is told when it is read.
     this.file?.head.catch(() => {});
     this.guesses.clear();
@@ -128,7 +136,9 @@ export class LayoutPart {
    */
   show(told, values) {
     const answer = withRolesOfOptions(told, values);
-    const unrelated = Object.entries(values).filter(([option]) => !LAYOUT_OPTIONS.includes(option));
+    const unrelated = Object.entries(values).filter(
+      ([option]) => option === "skip" || !LAYOUT_OPTIONS.includes(option),
+    );
     const keyOf = (titles, units) => JSON.stringify([titles, units, unrelated]);
     const key = keyOf(values.header_row, values.unit_row);
     if (ROLE_OPTIONS.every((option) => !values[option])) {
@@ -216,13 +226,15 @@ export class LayoutPart {
     const { answer, values } = layout;
     const kind = Object.keys(FORMATS).find((name) => FORMATS[name] === answer.format);
     const hasPairs = [answer, layout.guess].some((told) => told?.format === FORMATS.paired);
+    const isLongFile = answer.file && layout.guess && isLong(layout.guess);
     const kinds = [
-      ["wide", "one sample of every signal"],
+      ...(isLongFile ? [] : [["wide", "one sample of every signal"]]),
       ...(hasPairs ? [["paired", "signals with a time or quality each"]] : []),
       ["long", "one sample of one signal"],
     ];
     const hidden = answer.columns.length - COLUMNS_SHOWN;
     return [
+      this.sheetChoice(answer),
       kind
         ? h(
             "label",
@@ -238,6 +250,24 @@ export class LayoutPart {
       this.wayBack(values),
       hidden > 0 && h("p", { class: "quiet" }, `${count(hidden)} more columns are not shown.`),
     ].filter(Boolean);
+  }
+
+  // A workbook of several worksheets shows one of them.
+  sheetChoice({ sheet, sheets }) {
+    const names = sheets.includes(sheet) ? sheets : [sheet, ...sheets];
+    return (
+      sheets.length > 1 &&
+      h(
+        "label",
+        {},
+        "Worksheet",
+        h(
+          "select",
+          { onchange: ({ target }) => this.form.put({ sheet: target.value }) },
+          names.map((name) => h("option", { value: name, selected: name === sheet }, name)),
+        ),
+      )
+    );
   }
 
   // A button takes the choices at the rows back to the chosen layout, or to the guess of the server.
@@ -345,11 +375,11 @@ export class LayoutPart {
   }
 
   rowOf(layout, { line, fields }, { width, isNamed }) {
-    const kind = kindOfRow(layout.answer, line);
+    const kind = kindOfRow(layout.answer, line, layout.values.skip);
     const { columns } = layout.answer;
     // A line of a comment has no columns.
-    const isWhole = fields.length === 1 && width > 1;
-    const cells = isWhole
+    const isOne = fields.length === 1 && width > 1;
+    const cells = isOne
       ? [h("td", { colspan: String(width) }, fields[0])]
       : Array.from({ length: width }, (_, k) =>
           this.cellOf(columns.length ? roleClass(columns[k]) : null, fields[k] ?? ""),
@@ -375,7 +405,9 @@ export class LayoutPart {
   kindChoice(layout, line, kind) {
     const isSpecial = kind === "titles" || kind === "units";
     const last = isSpecial ? ["neither", "neither"] : [kind, KIND_WORDS[kind]];
-    const options = [["titles", "titles"], ["units", "units"], last].map(([value, text]) => {
+    const skipped = ["skipped", KIND_WORDS.skipped];
+    const read = kind === "skipped" ? ["data", "read"] : last;
+    const options = [["titles", "titles"], ["units", "units"], read, skipped].map(([value, text]) => {
       const disabled = value !== kind && changesOfRow(layout, line, value) === null;
       return h("option", { value, selected: value === kind, disabled }, text);
     });
@@ -394,8 +426,14 @@ export class LayoutPart {
 
 const isAboutUnit = ({ code, column }, { name }) => code === "unknown_unit" && column === name;
 
-// Gives the beginning of a file, unpacked where its name says that it is packed.
+const isTooLarge = ({ name, size }) => isWhole(name) && size > MOST_WHOLE_BYTES;
+
+// Gives what the server looks at: a workbook or a Parquet file as a whole, and the beginning of a text, unpacked
+// where its name says that it is packed.
 async function headOf(file) {
+  if (isWhole(file.name)) {
+    return file;
+  }
   if (!/\.gz$/i.test(file.name)) {
     return file.slice(0, HEAD_BYTES);
   }

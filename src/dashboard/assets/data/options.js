@@ -34,6 +34,7 @@ export const OPTIONS = {
   },
   header_row: { title: "Line of the titles", hint: "a line, or none" },
   unit_row: { title: "Line of the units", hint: "a line, or none" },
+  skip: { title: "Lines to leave out", hint: "7, 20-25, 100-" },
   time: { title: "Column of the time", hint: "first column" },
   tag: { title: "Column that names the signal" },
   value: { title: "Columns of values", hint: "name, name" },

@@ -3,6 +3,8 @@
 // each column is, and what a row holds. An option that says no more than the server tells by itself stays
 // empty.
 
+import { isLeftOut, withLine, withoutLine } from "./lines.js";
+
 const WIDE = ["time", "signal", "left_out"];
 const PAIRED = ["signal", "left_out"];
 const LONG = ["time", "tag", "value", "quality", "left_out"];
@@ -28,11 +30,11 @@ export const ROLE_WORDS = {
 
 // The table sets these options.
 export const ROLE_OPTIONS = ["time", "tag", "value", "quality", "ignore", "format"];
-export const LAYOUT_OPTIONS = ["header_row", "unit_row", ...ROLE_OPTIONS];
+export const LAYOUT_OPTIONS = ["header_row", "unit_row", "skip", ...ROLE_OPTIONS];
 
 /**
  * @typedef {{ title: string, name: string, unit: string | null, role: string }} Column
- * @typedef {{ format: string, delimiter: string | null, header_row: number | null, unit_row: number | null,
+ * @typedef {{ format: string, file: string | null, sheet: string | null, sheets: string[], delimiter: string | null, header_row: number | null, unit_row: number | null,
  *   first_row: number | null, columns: Column[], rows: { line: number, fields: string[] }[],
  *   warnings: any[], faults: any[] }} Answer
  * The layout is the answer of the server to the values of the options, beside what the server tells by
@@ -40,8 +42,11 @@ export const LAYOUT_OPTIONS = ["header_row", "unit_row", ...ROLE_OPTIONS];
  * @typedef {{ answer: Answer, values: Record<string, string>, guess?: Answer, rowGuess?: Answer }} Layout
  */
 
-// Spreadsheets and JSON have no lines to look at; a text may be packed.
-export const isText = (name) => !/\.(xlsx|parquet|json)(\.gz)?$/i.test(name);
+// A document of JSON has no lines to look at.
+export const isTable = (name) => !/\.json(\.gz)?$/i.test(name);
+
+// A workbook and a Parquet file are looked at as a whole, and a text by its beginning.
+export const isWhole = (name) => /\.(xlsx|parquet)$/i.test(name);
 
 // Writes names as an option takes them: separated by commas, or as a JSON array where commas do not part them.
 export function listText(names) {
@@ -64,9 +69,17 @@ export function namesIn(text) {
     .filter(Boolean);
 }
 
-// Says what a line of the file is: "titles", "units", "left_out" or "data".
-/** @param {Answer} answer */
-export function kindOfRow({ header_row: titles, unit_row: units, first_row: first }, line) {
+// Says what a line of the file is: "skipped" where an option leaves it out, else "titles", "units", "left_out" or
+// "data".
+/**
+ * @param {Answer} answer
+ * @param {number} line
+ * @param {string} [skip]
+ */
+export function kindOfRow({ header_row: titles, unit_row: units, first_row: first }, line, skip) {
+  if (isLeftOut(skip, line)) {
+    return "skipped";
+  }
   if (line === titles) {
     return "titles";
   }
@@ -116,7 +129,8 @@ export function withRolesOfOptions(answer, values) {
 
 const nothingIn = (changes) => (Object.keys(changes).length ? changes : null);
 
-// Gives the options that make titles or units of a line, or neither, and null where no option says it.
+// Gives the options that make titles or units of a line, or neither, or leave it out, and null where no option says
+// it.
 /**
  * @param {Layout} layout
  * @param {number} line
@@ -125,6 +139,15 @@ const nothingIn = (changes) => (Object.keys(changes).length ? changes : null);
  */
 export function changesOfRow({ answer, values, rowGuess }, line, kind) {
   const text = String(line);
+  if (kind === "skipped") {
+    const named = ["header_row", "unit_row"].filter((option) => values[option] === text);
+    return { ...Object.fromEntries(named.map((option) => [option, ""])), skip: withLine(values.skip, line) };
+  }
+  const readAgain = isLeftOut(values.skip, line) ? { skip: withoutLine(values.skip, line) } : null;
+  if (readAgain) {
+    const option = { titles: "header_row", units: "unit_row" }[kind];
+    return option ? { ...readAgain, [option]: text } : readAgain;
+  }
   const isSaid = values.header_row === text;
   if (kind === "titles") {
     const isGuess = rowGuess?.header_row === line && !isOpen(rowGuess, "header_row");
@@ -262,6 +285,10 @@ export function changesOfKind({ answer, values, guess }, kind) {
   if (kind === "long") {
     return guess && isLong(guess) ? cleared : { ...cleared, tag: likelyTag(answer) };
   }
+  // The rows of a file that is no text are told apart by their columns alone.
+  if (answer.file) {
+    return cleared;
+  }
   const guessed = guess?.format ?? (values.tag || values.value ? "wide_csv" : "");
   const format = `${kind}_csv`;
   return { ...cleared, format: guessed === format ? "" : format };
@@ -269,12 +296,13 @@ export function changesOfKind({ answer, values, guess }, kind) {
 
 // Says in words where the titles, the units and the samples are.
 /** @param {Answer} answer */
-export function sentenceOf({ delimiter, header_row: titles, unit_row: units, first_row: first }) {
+export function sentenceOf({ delimiter, sheet, header_row: titles, unit_row: units, first_row: first }) {
   const parts = [
     titles ? `titles in line ${titles}` : "no titles",
     units && `units in line ${units}`,
     first && `samples from line ${first} on`,
   ].filter(Boolean);
   const separated = delimiter && `; ${DELIMITERS[delimiter] ?? delimiter} separate the columns`;
-  return `Read as: ${parts.join(", ")}${separated ?? ""}.`;
+  const place = sheet ? `Worksheet ${sheet}, read as` : "Read as";
+  return `${place}: ${parts.join(", ")}${separated ?? ""}.`;
 }

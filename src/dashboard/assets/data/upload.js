@@ -9,7 +9,7 @@ import { count, duration } from "../shell/format.js";
 import { LayoutPart } from "./layout.js";
 import { parametersOf, SavedLayouts } from "./layouts.js";
 import { askedFor, OptionFields } from "./options.js";
-import { isText, LAYOUT_OPTIONS } from "./roles.js";
+import { isTable, LAYOUT_OPTIONS } from "./roles.js";
 
 // The media type of a file follows from its name; the server tells the format from the first lines of
 // the file.
@@ -74,7 +74,7 @@ export function uploader(view, stored) {
     chosen.textContent = state.file ? `${state.file.name}, ${count(state.file.size)} bytes` : "";
     options.settle();
     outcome.clear();
-    const isShown = state.file && isText(state.file.name);
+    const isShown = state.file && isTable(state.file.name);
     layout.choose(isShown ? state.file : null, mediaType(state.file?.name ?? ""));
   };
   const submit = async (event) => {

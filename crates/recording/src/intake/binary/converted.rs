@@ -20,22 +20,43 @@ pub(super) fn damaged(format: Format) -> ReadError {
 }
 
 /// The rows of a file, turned into CSV, with notes on what the text leaves out.
-pub(super) struct ConvertedRows<R> {
-    pub text: R,
+pub(super) struct ConvertedRows<'r> {
+    pub text: Box<dyn Read + 'r>,
     pub notes: Vec<Warning>,
+    /// The worksheets of a workbook.
+    pub sheets: Worksheets,
+}
+
+/// The worksheets of a workbook; none of another file.
+#[derive(Clone, Debug, Default)]
+pub(in crate::intake) struct Worksheets {
+    /// The name of the worksheet whose rows are read.
+    pub(in crate::intake) shown: Option<String>,
+    /// The names of the worksheets that can be seen.
+    pub(in crate::intake) seen: Vec<String>,
+}
+
+impl ConvertedRows<'_> {
+    /// The beginning of the text.
+    pub fn head(&mut self) -> Result<Vec<u8>, ReadError> {
+        let mut head = Vec::new();
+        let read = self.text.by_ref().take(HEAD_BYTES).read_to_end(&mut head);
+        read.map_err(|error| told(ReadError::Io(error)))?;
+        Ok(head)
+    }
 }
 
 /// Reads rows that have been turned into text.
 pub(super) fn receive_rows(
     format: Format,
-    mut rows: ConvertedRows<impl Read>,
+    rows: ConvertedRows<'_>,
     options: &Options,
     scratch: Option<NewScratch>,
     memory: &Memory,
 ) -> Result<ReceivedRecording, ReadError> {
-    let mut head = Vec::new();
-    let read = rows.text.by_ref().take(HEAD_BYTES).read_to_end(&mut head);
-    read.map_err(|error| told(ReadError::Io(error)))?;
+    let text = Box::new(options.skip.left_out_of(rows.text));
+    let mut rows = ConvertedRows { text, ..rows };
+    let head = rows.head()?;
     if head.trim_ascii().is_empty() {
         let fault = at_line(1, None, "empty", "there is no header row: there is no row");
         return Err(malformed(fault));

@@ -3,12 +3,12 @@
 use super::super::error::{at_line, broken, invalid, malformed};
 use super::super::memory::Memory;
 use super::converted::{
-    ConvertedRows, RowText, TEXT_AT_ONCE, WriteRows, push_field, push_number, receive_rows,
+    ConvertedRows, RowText, TEXT_AT_ONCE, Worksheets, WriteRows, push_field, push_number,
 };
 use super::workbook;
+use crate::intake::ReadError;
 use crate::intake::options::Options;
-use crate::intake::{Format, ReadError};
-use crate::{MAX_SIGNALS, NewScratch, ReceivedRecording, Warning};
+use crate::{MAX_SIGNALS, Warning};
 use bytes::Bytes;
 use calamine::{
     Cell, DataRef, ExcelDateTime, Reader, SheetType, SheetVisible, Xlsx, XlsxCellReader, XlsxError,
@@ -23,12 +23,13 @@ const DAY_S: f64 = 86_400.0;
 
 type WorkbookBytes = Cursor<Bytes>;
 
-pub(super) fn receive(
+/// Opens a workbook and hands the rows of a worksheet over.
+pub(super) fn with_rows<T>(
     bytes: Bytes,
     options: &Options,
-    scratch: Option<NewScratch>,
     memory: &Memory,
-) -> Result<ReceivedRecording, ReadError> {
+    take: impl FnOnce(ConvertedRows<'_>) -> Result<T, ReadError>,
+) -> Result<T, ReadError> {
     if !bytes.starts_with(b"PK") {
         return Err(ReadError::Unsupported(
             "this is an Excel workbook of the form before 2007, or a protected one: recognised, \
@@ -39,6 +40,14 @@ pub(super) fn receive(
     let checked = workbook::checked(bytes, memory)?;
     let mut workbook = Xlsx::new(Cursor::new(checked)).map_err(|error| not_read(&error))?;
     let (sheet, notes) = sheet(&mut workbook, options)?;
+    let seen = workbook
+        .sheets_metadata()
+        .iter()
+        .filter(|sheet| is_seen(sheet));
+    let sheets = Worksheets {
+        seen: seen.map(|sheet| sheet.name.clone()).collect(),
+        shown: Some(sheet.clone()),
+    };
     let cells = workbook.worksheet_cells_reader(&sheet);
     let cells = cells.map_err(|error| not_read(&error))?;
     let rows = RowText::new(Sheet {
@@ -49,9 +58,12 @@ pub(super) fn receive(
         header: None,
     });
     let other_sheets = notes.first().map(|note| note.detail.clone());
-    let rows = ConvertedRows { text: rows, notes };
-    let received = receive_rows(Format::Excel, rows, options, scratch, memory);
-    received.map_err(|error| match other_sheets {
+    let rows = ConvertedRows {
+        text: Box::new(rows),
+        notes,
+        sheets,
+    };
+    take(rows).map_err(|error| match other_sheets {
         Some(detail) => error.with(Fault::of_parameter("sheet", "other_sheets", detail)),
         None => error,
     })
@@ -84,7 +96,7 @@ fn sheet(
     }
     let mut filled = Vec::new();
     for sheet in sheets {
-        if sheet.visible == SheetVisible::Visible && has_cells(workbook, &sheet.name)? {
+        if is_seen(&sheet) && has_cells(workbook, &sheet.name)? {
             filled.push(sheet);
         }
     }
@@ -101,6 +113,11 @@ fn sheet(
         Warning::of_recording("other_sheets", detail)
     });
     Ok((first.name.clone(), note.into_iter().collect()))
+}
+
+/// Whether a sheet is one of cells that is not hidden.
+fn is_seen(sheet: &calamine::Sheet) -> bool {
+    sheet.typ == SheetType::WorkSheet && sheet.visible == SheetVisible::Visible
 }
 
 fn has_cells(workbook: &mut Xlsx<WorkbookBytes>, name: &str) -> Result<bool, ReadError> {

@@ -14,12 +14,13 @@ mod parquet;
 mod workbook;
 
 use super::error::malformed;
+use super::format::{HEAD_BYTES, whole_lines};
 use super::memory::Memory;
 use super::options::Options;
 use super::{Format, ReadError};
-use crate::{NewScratch, ReceivedRecording};
+use crate::{NewScratch, ReceivedRecording, Warning};
 use bytes::Bytes;
-use converted::damaged;
+use converted::{ConvertedRows, Worksheets, damaged, receive_rows};
 use greybox_numerics::parsing::Fault;
 use std::io::Read;
 use std::panic::{self, AssertUnwindSafe};
@@ -36,6 +37,47 @@ pub(super) fn receive(
     scratch: Option<NewScratch>,
     memory: &Memory,
 ) -> Result<ReceivedRecording, ReadError> {
+    let take = |rows: ConvertedRows<'_>| receive_rows(format, rows, options, scratch, memory);
+    with_rows(format, source, options, memory, take)
+}
+
+/// The first rows of a file as text.
+pub(super) struct FileBeginning {
+    pub(super) head: Vec<u8>,
+    pub(super) notes: Vec<Warning>,
+    pub(super) sheets: Worksheets,
+}
+
+/// Reads the first rows of a file of one of these formats.
+pub(super) fn beginning(
+    format: Format,
+    source: impl Read,
+    options: &Options,
+    memory: &Memory,
+) -> Result<FileBeginning, ReadError> {
+    let take = |mut rows: ConvertedRows<'_>| {
+        let head = rows.head()?;
+        let head = match head.len() as u64 >= HEAD_BYTES {
+            true => whole_lines(&head).to_vec(),
+            false => head,
+        };
+        Ok(FileBeginning {
+            head,
+            notes: rows.notes,
+            sheets: rows.sheets,
+        })
+    };
+    with_rows(format, source, options, memory, take)
+}
+
+/// Opens a file of one of these formats and hands its rows over.
+fn with_rows<T>(
+    format: Format,
+    source: impl Read,
+    options: &Options,
+    memory: &Memory,
+    take: impl FnOnce(ConvertedRows<'_>) -> Result<T, ReadError>,
+) -> Result<T, ReadError> {
     options.refuse(&["encoding", "decimal"], format.name())?;
     let mut bytes = Vec::new();
     source.take(MAX_BYTES as u64 + 1).read_to_end(&mut bytes)?;
@@ -51,9 +93,9 @@ pub(super) fn receive(
     let bytes = Bytes::from(bytes);
     let read = || match format {
         #[cfg(feature = "excel")]
-        Format::Excel => excel::receive(bytes, options, scratch, memory),
+        Format::Excel => excel::with_rows(bytes, options, memory, take),
         #[cfg(feature = "parquet")]
-        Format::Parquet => parquet::receive(bytes, options, scratch, memory),
+        Format::Parquet => take(parquet::rows(bytes, options, memory)?),
         _ => Err(ReadError::Unsupported(format.name().to_owned())),
     };
     unless_it_panics(format, read)
@@ -61,10 +103,10 @@ pub(super) fn receive(
 
 /// The libraries that read these formats panic on some files that are damaged: they become a fault.
 /// What they were given is dropped with them.
-fn unless_it_panics(
+fn unless_it_panics<T>(
     format: Format,
-    read: impl FnOnce() -> Result<ReceivedRecording, ReadError>,
-) -> Result<ReceivedRecording, ReadError> {
+    read: impl FnOnce() -> Result<T, ReadError>,
+) -> Result<T, ReadError> {
     panic::catch_unwind(AssertUnwindSafe(read)).unwrap_or_else(|_| Err(damaged(format)))
 }
 
@@ -74,7 +116,7 @@ mod tests {
 
     #[test]
     fn a_reader_that_panics_is_a_fault() {
-        let read = unless_it_panics(Format::Parquet, || panic!("index out of bounds"));
+        let read = unless_it_panics::<()>(Format::Parquet, || panic!("index out of bounds"));
         let Err(error) = read else {
             panic!("what panicked was read");
         };

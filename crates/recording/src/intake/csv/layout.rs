@@ -7,12 +7,23 @@ use super::fields::line_of;
 use super::header::time_column;
 use super::sniff::{Sniff, first_rows};
 use super::top_rows::fields_of;
+use std::io;
 
 /// How a table is read that begins so.
-pub(in crate::intake) fn layout(format: Format, head: &[u8], options: &Options) -> Layout {
-    let sniff = Sniff::new(head, options);
-    let records = first_rows(head, sniff.delimiter);
-    let rows = records.iter().take(MOST_ROWS).map(|record| LayoutRow {
+///
+/// # Errors
+/// When no memory can be had.
+pub(in crate::intake) fn layout(
+    format: Format,
+    head: &[u8],
+    options: &Options,
+) -> io::Result<Layout> {
+    let table = options.skip.left_out(head)?;
+    let sniff = Sniff::new(&table, options);
+    let records = first_rows(&table, sniff.delimiter);
+    // The lines that are left out are shown too.
+    let shown = first_rows(head, sniff.delimiter);
+    let rows = shown.iter().take(MOST_ROWS).map(|record| LayoutRow {
         line: line_of(record),
         fields: fields_of(record),
     });
@@ -38,7 +49,7 @@ pub(in crate::intake) fn layout(format: Format, head: &[u8], options: &Options) 
             title,
         }
     });
-    Layout {
+    Ok(Layout {
         delimiter: Some(char::from(sniff.delimiter)),
         header_row: shape.header_line(),
         unit_row: shape.unit_line(),
@@ -46,7 +57,7 @@ pub(in crate::intake) fn layout(format: Format, head: &[u8], options: &Options) 
         columns: columns.filter(|_| !describes_itself).collect(),
         rows: rows.collect(),
         ..Layout::default()
-    }
+    })
 }
 
 /// What the columns of the table hold, whose time is one column.

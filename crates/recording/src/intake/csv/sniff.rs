@@ -2,7 +2,7 @@
 
 use super::super::clock::names;
 use super::super::error::ReadError;
-use super::super::format::HEAD_BYTES;
+use super::super::format::{HEAD_BYTES, whole_lines};
 use super::super::options::{Decimal, Options};
 use super::super::table_options::TableOptions;
 use super::super::{Format, stamp, units, value};
@@ -209,9 +209,9 @@ fn likely_time(titles: &[&str], rows: &[Vec<String>]) -> usize {
 
 /// A head up to its last line, which may be cut; that of a whole text is not.
 fn without_cut_line(head: &[u8]) -> &[u8] {
-    match head.iter().rposition(|byte| *byte == b'\n') {
-        Some(end) if head.len() as u64 >= HEAD_BYTES => &head[..end],
-        _ => head,
+    match head.len() as u64 >= HEAD_BYTES {
+        true => whole_lines(head),
+        false => head,
     }
 }
 

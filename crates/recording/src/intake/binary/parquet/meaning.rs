@@ -22,8 +22,8 @@ pub(super) enum ColumnMeaning {
     },
     /// Days since 1970.
     Date,
-    /// A count of units of `nanoseconds` since midnight.
-    TimeOfDay {
+    /// A count of units of `nanoseconds`: a duration, or a time of day since midnight.
+    Duration {
         nanoseconds: i64,
     },
 }
@@ -73,7 +73,7 @@ impl ColumnMeaning {
                 nanoseconds: unit(&timestamp.unit),
                 is_utc: timestamp.is_adjusted_to_u_t_c,
             }),
-            LogicalType::Time(time) => Some(Self::TimeOfDay {
+            LogicalType::Time(time) => Some(Self::Duration {
                 nanoseconds: unit(&time.unit),
             }),
             LogicalType::Date => Some(Self::Date),
@@ -123,7 +123,7 @@ impl ColumnMeaning {
                 let since = SignedDuration::new(seconds, (rest * nanoseconds) as i32);
                 write_instant(text, since, is_utc)
             }
-            Self::TimeOfDay { nanoseconds } => {
+            Self::Duration { nanoseconds } => {
                 write!(text, "{}", number as f64 * nanoseconds as f64 / 1e9)
             }
         }

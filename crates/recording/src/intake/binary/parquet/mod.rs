@@ -1,5 +1,6 @@
 //! Apache Parquet: a column for each signal, or columns for the time, the tag and the value.
 
+mod arrow_schema;
 mod decoded;
 mod headers;
 mod meaning;
@@ -7,11 +8,12 @@ mod meaning;
 use super::super::error::{at_line, broken, malformed};
 use super::super::memory::Memory;
 use super::converted::{
-    ConvertedRows, RowText, TEXT_AT_ONCE, WriteRows, damaged, push_field, receive_rows,
+    ConvertedRows, RowText, TEXT_AT_ONCE, Worksheets, WriteRows, damaged, push_field,
 };
 use crate::intake::options::Options;
+use crate::intake::title::name_and_unit;
 use crate::intake::{Format, ReadError};
-use crate::{MAX_SIGNALS, NewScratch, ReceivedRecording, Warning};
+use crate::{MAX_SIGNALS, Warning};
 use ::parquet::basic::Compression;
 use ::parquet::errors::ParquetError;
 use ::parquet::file::reader::{FileReader, SerializedFileReader};
@@ -19,6 +21,7 @@ use bytes::Bytes;
 use decoded::Decoded;
 use greybox_numerics::parsing::Fault;
 use meaning::ColumnMeaning;
+use std::borrow::Cow;
 use std::{fmt, io};
 
 /// The rows that are decoded at once, where no value may be long though its bytes are few.
@@ -27,12 +30,12 @@ const ROWS_AT_ONCE: usize = 4096;
 /// What pandas calls an index without a name.
 const UNNAMED_INDEX: &str = "__index_level_0__";
 
-pub(super) fn receive(
+/// The rows of a file.
+pub(super) fn rows(
     bytes: Bytes,
     options: &Options,
-    scratch: Option<NewScratch>,
     memory: &Memory,
-) -> Result<ReceivedRecording, ReadError> {
+) -> Result<ConvertedRows<'static>, ReadError> {
     let not_read = |why: &dyn fmt::Display| {
         let detail = format!("this is no Parquet file that can be read: {why}");
         malformed(Fault::of_whole("not_parquet", detail))
@@ -71,11 +74,11 @@ pub(super) fn receive(
         left: 0,
         row: None,
     };
-    let rows = ConvertedRows {
-        text: RowText::new(table),
+    Ok(ConvertedRows {
+        text: Box::new(RowText::new(table)),
         notes: note.into_iter().collect(),
-    };
-    receive_rows(Format::Parquet, rows, options, scratch, memory)
+        sheets: Worksheets::default(),
+    })
 }
 
 /// The name of a compression of the file that is not read.
@@ -93,8 +96,21 @@ fn unknown_compression(file: &SerializedFileReader<Bytes>) -> Option<&'static st
 struct ParquetColumn {
     place: usize,
     name: String,
+    /// The unit that Arrow's schema says; nothing where there is none.
+    unit: String,
     meaning: ColumnMeaning,
     decoded: Option<Decoded>,
+}
+
+impl ParquetColumn {
+    /// The name, with the unit behind it where the name has none itself.
+    fn title(&self) -> Cow<'_, str> {
+        let has_unit = !name_and_unit(&self.name).1.is_empty();
+        match self.unit.is_empty() || has_unit {
+            true => Cow::Borrowed(&self.name),
+            false => Cow::Owned(format!("{} [{}]", self.name, self.unit)),
+        }
+    }
 }
 
 /// The columns in the order in which they are written, the time first where there is no doubt which it
@@ -103,14 +119,23 @@ fn columns(
     file: &SerializedFileReader<Bytes>,
     options: &Options,
 ) -> (Vec<ParquetColumn>, Vec<String>) {
-    let schema = file.metadata().file_metadata().schema_descr();
+    let metadata = file.metadata().file_metadata();
+    let fields = arrow_schema::fields(metadata);
+    let schema = metadata.schema_descr();
     let mut columns = Vec::new();
     let mut left_out = Vec::new();
     for (place, column) in schema.columns().iter().enumerate() {
         let name = column.path().string();
-        match ColumnMeaning::of(column) {
+        let described = fields.iter().find(|field| field.name == name);
+        let duration = described.and_then(|field| field.duration);
+        let duration = duration.map(|nanoseconds| ColumnMeaning::Duration { nanoseconds });
+        match duration.or_else(|| ColumnMeaning::of(column)) {
             Some(meaning) => columns.push(ParquetColumn {
                 place,
+                unit: match duration {
+                    Some(_) => "s".to_owned(),
+                    None => described.map_or_else(String::new, |field| field.unit.clone()),
+                },
                 name,
                 meaning,
                 decoded: None,
@@ -210,7 +235,7 @@ impl WriteRows for ParquetTable {
     fn write(&mut self, text: &mut Vec<u8>) -> io::Result<bool> {
         if self.row.is_none() {
             for column in &self.columns {
-                push_field(text, &column.name);
+                push_field(text, &column.title());
                 text.push(b',');
             }
             // In the place of the last comma.
