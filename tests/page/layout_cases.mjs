@@ -328,10 +328,10 @@ export const CASES = [
     name: "a number that stands for no sample",
     file: "gaps.csv",
     content: lines(["time [s],flow [l/min],pressure [bar]"], (k) => [
-      `${(k / 10).toFixed(1)},${k === 3 ? -9999 : flow(k)},${pressure(k)}`,
+      `${(k / 10).toFixed(1)},${k === 3 ? -999 : flow(k)},${pressure(k)}`,
     ]),
-    notes: "1 samples are exactly -9999",
-    steps: [["press", "What stands for no sample: -9999"]],
+    notes: "1 samples are exactly -999",
+    steps: [["press", "What stands for no sample: -999"]],
     roles: ["Time", "Signal", "Signal"],
     read: "titles in line 1, samples from line 2 on; commas separate the columns",
     truth: {
@@ -444,7 +444,7 @@ export const CASES = [
       ...(k === 1 ? ["restarted;by;hand"] : []),
     ]),
     asks: "3 fields where the header has 2",
-    steps: [["choose", "What line 4 is", "left out by you"]],
+    steps: [["press", "Lines to leave out: 4"]],
     roles: ["Time", "Signal"],
     read: "titles in line 1, samples from line 2 on; semicolons separate the columns",
     truth: { time: TENTHS, signals: { flow: signal(FLOWS, LITRES) } },

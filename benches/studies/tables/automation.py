@@ -154,7 +154,7 @@ def wincc():
         "nasty",
         lines(archive),
         bad.truth(units=["", ""]),
-        answers={"tz": "UTC", "quality_scheme": "opc_da"},
+        answers={"tz": "UTC", "quality_scheme": "fieldbus"},
         must_ask=("tz",),
     )
     return family.variants
@@ -288,7 +288,12 @@ def rockwell():
         for c in status.columns
     ]
     view.add(
-        "error_status", "nasty", lines([named[0], *rows]), status.truth(units=["", ""]), answers=mdy, must_ask=("tz",)
+        "error_status",
+        "nasty",
+        lines([named[0], *rows]),
+        status.truth(units=["", ""]),
+        answers={**mdy, "quality_scheme": "factorytalk"},
+        must_ask=("tz",),
     )
     return trend.variants + view.variants
 

@@ -305,7 +305,14 @@ def proficy():
         "ErrorCode": 0,
         "ErrorMessage": None,
     }
-    family.add("rest", "nasty", json.dumps(rest), bare, content_type="application/json")
+    family.add(
+        "rest",
+        "nasty",
+        json.dumps(rest),
+        bare,
+        answers={"quality_scheme": "proficy"},
+        content_type="application/json",
+    )
     return family.variants
 
 
@@ -378,7 +385,7 @@ def aveva_sql():
         "nasty",
         fixed + f"\n({len(t.instants) * 2} rows affected)\n",
         bare,
-        answers=zone,
+        answers={**zone, "quality_scheme": "aveva_quality"},
         content_type="text/plain",
     )
     trend = [["Tag Name", "Units", "DateTime", "Value"]] + [

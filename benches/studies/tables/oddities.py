@@ -5,6 +5,14 @@ from payloads import Column, Family, Table, bracketed, lines, table, wide
 from fractions import Fraction
 
 
+def lakhs(text):
+    """A whole number with commas as in India: before the last three digits and before each two above them."""
+    above, groups = text[:-3], [text[-3:]]
+    while above:
+        above, groups = above[:-2], [above[-2:], *groups]
+    return ",".join(groups)
+
+
 def spelled_numbers():
     """Numbers as people and instruments write them."""
     family = Family("number_spellings")
@@ -79,8 +87,10 @@ def spelled_numbers():
     add("swiss_typographic_thousands", grouped("’"), ";", values=big)
     add(
         "indian_thousands",
-        lambda v: f"{v[:-5]},{v[-5:-3]},{v[-3:]}" if len(v) > 5 else v,
+        lakhs,
         values=lambda v: big(big(v)),
+        must=("decimal",),
+        answers={"decimal": "."},
         columns="SC104",
     )
     add("underscores", grouped("_"), values=big)

@@ -56,6 +56,8 @@ pub(crate) struct SampleColumns {
     scratch_state: ScratchState,
     /// Whether the rows came in the opposite of their order.
     is_reversed: bool,
+    /// Samples that stand for missing ones, each with its column.
+    stand_ins: Vec<(usize, f64)>,
 }
 
 /// Where rows go that memory is not to hold.
@@ -77,6 +79,7 @@ impl SampleColumns {
             blocks: 0,
             scratch_state: scratch.map_or(ScratchState::Memory, ScratchState::New),
             is_reversed: false,
+            stand_ins: Vec::new(),
         }
     }
 
@@ -109,6 +112,16 @@ impl SampleColumns {
         self.is_reversed = !self.is_reversed;
     }
 
+    /// Hands over samples of a column that are exactly this one as missing from now on.
+    pub(crate) fn leave_out(&mut self, index: usize, sample: f64) {
+        self.stand_ins.push((index, sample));
+    }
+
+    /// Whether samples of a column stand for missing ones.
+    fn has_stand_ins(&self, index: usize) -> bool {
+        self.stand_ins.iter().any(|(column, _)| *column == index)
+    }
+
     /// How many rows there are.
     pub(crate) fn rows(&self) -> usize {
         self.blocks as usize * self.block_rows + self.held_rows()
@@ -127,7 +140,7 @@ impl SampleColumns {
     /// # Errors
     /// When the scratch cannot be read.
     pub(crate) fn take(&mut self, index: usize) -> io::Result<Vec<f64>> {
-        if self.blocks == 0 {
+        if self.blocks == 0 && !self.has_stand_ins(index) {
             let mut samples = std::mem::take(&mut self.held[index]);
             samples.shrink_to_fit();
             if self.is_reversed {
@@ -188,6 +201,7 @@ impl SampleColumn<'_> {
             blocks,
             scratch_state,
             is_reversed,
+            ..
         } = &mut *self.columns;
         let scratch = scratch_state.open()?;
         let mut bytes = vec![0; *block_rows * SAMPLE_BYTES];
@@ -209,8 +223,9 @@ impl SampleColumn<'_> {
     }
 }
 
-impl SampleSeries for SampleColumn<'_> {
-    fn visit(&mut self, take: &mut dyn FnMut(&[f64]) -> io::Result<()>) -> io::Result<()> {
+impl SampleColumn<'_> {
+    /// Hands over the samples as they came.
+    fn visit_all(&mut self, take: &mut dyn FnMut(&[f64]) -> io::Result<()>) -> io::Result<()> {
         if self.columns.is_reversed {
             let held = self.columns.held[self.index].iter();
             take(&held.rev().copied().collect::<Vec<f64>>())?;
@@ -222,6 +237,21 @@ impl SampleSeries for SampleColumn<'_> {
             true => Ok(()),
             false => take(&self.columns.held[self.index]),
         }
+    }
+}
+
+impl SampleSeries for SampleColumn<'_> {
+    fn visit(&mut self, take: &mut dyn FnMut(&[f64]) -> io::Result<()>) -> io::Result<()> {
+        if !self.columns.has_stand_ins(self.index) {
+            return self.visit_all(take);
+        }
+        let stand_ins = self.columns.stand_ins.clone();
+        let index = self.index;
+        let without = |sample: &f64| match stand_ins.contains(&(index, *sample)) {
+            true => f64::NAN,
+            false => *sample,
+        };
+        self.visit_all(&mut |piece| take(&piece.iter().map(without).collect::<Vec<f64>>()))
     }
 }
 
@@ -289,6 +319,32 @@ mod tests {
             let bits = back.iter().map(|sample| sample.to_bits());
             prop_assert!(bits.eq(rows.iter().rev().map(|row| row[1].to_bits())));
         }
+    }
+
+    #[test]
+    fn samples_that_stand_for_missing_ones_are_handed_over_as_such() {
+        for reverse in [false, true] {
+            let mut columns = columns(2, 2);
+            for row in [[1.0, -9.0], [-9.0, 2.0], [3.0, 4.0]] {
+                columns.push(&row).unwrap();
+            }
+            columns.leave_out(0, -9.0);
+            if reverse {
+                columns.reverse();
+            }
+            let left: Vec<bool> = columns
+                .take(0)
+                .unwrap()
+                .iter()
+                .map(|v| v.is_nan())
+                .collect();
+            assert_eq!(left, [false, true, false]);
+            let kept = columns.column(1).collect().unwrap();
+            assert!(kept.contains(&-9.0), "{kept:?}");
+        }
+        let mut held = SampleColumns::of(vec![vec![1.0, -9.0]]);
+        held.leave_out(0, -9.0);
+        assert!(held.take(0).unwrap()[1].is_nan());
     }
 
     #[test]

@@ -5,7 +5,9 @@
 //! the numbers leaves no doubt about; else it is asked for.
 
 mod local;
+mod midnight;
 pub(super) mod names;
+mod notes;
 mod spelling;
 
 use super::cell::Cell;
@@ -14,7 +16,7 @@ use super::options::{Options, TimeUnit};
 use super::stamp::{self, Stamp};
 use super::units;
 use super::value::number;
-use crate::{DoubleHour, TICK, Warning, is_beyond_nanoseconds, nanoseconds};
+use crate::{DoubleHour, TICK, nanoseconds};
 use jiff::Timestamp;
 use jiff::tz::TimeZone;
 use names::{COUNTERS, TIMES};
@@ -47,6 +49,10 @@ pub(super) struct Clock {
     is_span: bool,
     /// Whether the times are hours, minutes and seconds without a date.
     lacks_date: bool,
+    /// How many midnights times of day without a date have passed.
+    midnights: usize,
+    /// When the first time that is a number of seconds was, as the head of the source has it: nanoseconds since 1970.
+    begin: Option<i64>,
     /// Whether a time is no multiple of [`TICK`].
     is_fine: bool,
     /// The longest time from the first to another one `[s]`.
@@ -62,6 +68,8 @@ struct ClockOptions {
     zone: Option<(String, TimeZone)>,
     unit: Option<TimeUnit>,
     decimal: Option<super::options::Decimal>,
+    /// When the numbers of the time begin.
+    begin: Option<String>,
 }
 
 /// What the times turned out to be.
@@ -98,6 +106,7 @@ impl Clock {
                 zone: options.zone.clone(),
                 unit: options.time_unit,
                 decimal: options.decimal,
+                begin: options.begin.clone(),
             },
             kind: None,
             folds: 0,
@@ -105,6 +114,8 @@ impl Clock {
             is_told_by_order: false,
             is_span: false,
             lacks_date: false,
+            midnights: 0,
+            begin: None,
             is_fine: false,
             farthest: 0.0,
             guessed_unit: None,
@@ -143,6 +154,7 @@ impl Clock {
                 largest,
             } => {
                 let value = self.number(cell)?;
+                let value = self.on_its_day(value, *first, before);
                 *largest = largest.max(value.abs());
                 (value - *first) * *factor
             }
@@ -166,7 +178,7 @@ impl Clock {
     fn start_ns(&self, from: f64) -> Option<i64> {
         match self.kind? {
             TimeKind::Absolute { first, .. } => first.checked_add(nanoseconds(from)),
-            TimeKind::Relative { .. } => None,
+            TimeKind::Relative { .. } => self.begin?.checked_add(nanoseconds(from)),
         }
     }
 
@@ -193,8 +205,9 @@ impl Clock {
     pub(super) fn zone(&self) -> Option<String> {
         let declared = self.options.zone.as_ref().map(|(name, _)| name.clone());
         match self.kind {
-            Some(TimeKind::Absolute { .. }) => declared.or_else(|| self.offset.clone()),
-            _ => None,
+            Some(TimeKind::Relative { .. }) if self.begin.is_none() => None,
+            Some(_) => declared.or_else(|| self.offset.clone()),
+            None => None,
         }
     }
 
@@ -206,49 +219,6 @@ impl Clock {
             }) => largest * factor,
             _ => 0.0,
         }
-    }
-
-    /// Warnings about what the clock had to assume.
-    pub(super) fn notes(&self) -> Vec<Warning> {
-        let mut notes = Vec::new();
-        if let Some(unit) = self.guessed_unit {
-            let detail = format!(
-                "`{}` does not say its unit: by the size of its numbers they were read as {unit}; \
-                 `time_unit` says otherwise",
-                self.name
-            );
-            notes.push(Warning::of_recording("time_unit_from_size", detail));
-        }
-        if self.are_supposed_seconds && !self.name.is_empty() {
-            let detail = format!(
-                "`{}` does not say its unit: its numbers were read as seconds; `time_unit` says otherwise",
-                self.name
-            );
-            notes.push(Warning::of_recording("time_unit_assumed", detail));
-        }
-        if self.is_fine && is_beyond_nanoseconds(self.farthest) {
-            let detail = format!(
-                "times {} s apart are told to {TICK} ns: finer stamps were rounded to that",
-                crate::shown(self.farthest)
-            );
-            notes.push(Warning::of_recording("rounded_stamps", detail));
-        }
-        if self.lacks_date && !self.name.is_empty() {
-            let detail = format!(
-                "`{}` has times without a date: nothing says when the recording began",
-                self.name
-            );
-            notes.push(Warning::of_recording("times_without_date", detail));
-        }
-        if self.folds > 0 {
-            let detail = format!(
-                "{} local times came twice because clocks were set back; they were told apart by \
-                 their order",
-                self.folds
-            );
-            notes.push(Warning::of_recording("daylight_saving_fold", detail));
-        }
-        notes
     }
 
     fn number(&self, cell: &Cell<'_>) -> Result<f64, ClockFault> {
@@ -288,7 +258,9 @@ impl Clock {
             _ => match self.numbers(self.number(cell)?)? {
                 TimeNumbers::Instants(spelling) => spelling,
                 TimeNumbers::Seconds(factor) => {
-                    return Ok(TimeKind::since(self.number(cell)?, factor));
+                    let first = self.number(cell)?;
+                    self.begin = self.begin_of_numbers(first * factor)?;
+                    return Ok(TimeKind::since(first, factor));
                 }
             },
         };
@@ -414,6 +386,12 @@ impl Clock {
                 before: earlier,
                 factor,
             } => {
+                if earlier == 0
+                    && factor == 1.0
+                    && let Some(instant) = spelling::unix_with_nanoseconds(cell)
+                {
+                    return Ok(instant);
+                }
                 let exact = match cell {
                     Cell::Integer(number) => Some(*number),
                     Cell::Text(text) => text.trim().parse().ok(),

@@ -1,57 +1,20 @@
 //! The values of one signal on their way in: to SI, with what was met among them.
 
 mod negative;
+mod sentinels;
+mod statuses;
 
 use super::cell::Cell;
 use super::error::{ReadingFaults, excerpt};
-use super::options::{Decimal, Options, ReadingPurpose};
+use super::options::{Decimal, Options};
 use super::title;
 use super::units::{self, RecordedUnit};
 use super::value::{self, CellValue};
-use crate::{ClassSpan, Interpolation, NamedSignal, Warning, shown};
+use crate::{Class, ClassSpan, Interpolation, NamedSignal, Warning, shown};
 use greybox_numerics::parsing::Fault;
 use negative::{NegativeForm, Negatives};
-
-/// What loggers write where they have no value. A value is told as a likely one when it is far
-/// from all others.
-const SENTINELS: [f64; 27] = [
-    -7999.0,
-    7999.0,
-    -6999.0,
-    -9999.0,
-    9999.0,
-    -999.0,
-    999.0,
-    -99.125,
-    -999.25,
-    -99999.0,
-    99999.0,
-    -32768.0,
-    32767.0,
-    65535.0,
-    -2147483648.0,
-    2147483647.0,
-    1e30,
-    -1e30,
-    1e38,
-    -1e38,
-    1e35,
-    9.9e37,
-    -9.9e37,
-    9.91e37,
-    9.969_209_968_386_869e36,
-    999_999.0,
-    -999_999.0,
-];
-
-/// Numbers of the list that are larger stand for no value of any plant.
-const SURELY_NONE: f64 = 1e29;
-
-/// Below this, a number is none of them.
-const SMALLEST_SENTINEL: f64 = 99.0;
-
-/// How far from the others a likely one is, in ranges of the others.
-const FAR: f64 = 2.0;
+use sentinels::Sentinels;
+use statuses::Statuses;
 
 /// The values of one signal.
 #[derive(Debug)]
@@ -75,10 +38,8 @@ pub(super) struct SignalColumn {
     /// Whether some of the texts are numbers where their comma or point is another one.
     has_commas: bool,
     faults: ReadingFaults,
-    sentinels: Vec<(f64, usize)>,
-    purpose: ReadingPurpose,
-    /// Smallest and largest of the values that are no sentinels, as recorded.
-    range: (f64, f64),
+    statuses: Statuses,
+    sentinels: Sentinels,
 }
 
 /// Words for a missing value, with the first of them.
@@ -153,9 +114,8 @@ impl SignalColumn {
             texts: 0,
             has_commas: false,
             faults: ReadingFaults::default(),
-            sentinels: Vec::new(),
-            purpose: options.purpose,
-            range: (f64::INFINITY, f64::NEG_INFINITY),
+            statuses: Statuses::default(),
+            sentinels: Sentinels::new(options),
         };
         if let Some(unit) = options.units.get(name) {
             column
@@ -178,6 +138,11 @@ impl SignalColumn {
         Ok(())
     }
 
+    /// Gives it a unit that its name ends with.
+    pub(super) fn set_unit_of_name(&mut self, unit: &str) {
+        self.unit_from_name = self.set_unit(unit).is_ok();
+    }
+
     /// The value in a cell in SI, NaN where it is missing; what is no value is a fault at its
     /// place, unless there is no value at all.
     pub(super) fn take(
@@ -192,9 +157,7 @@ impl SignalColumn {
                 self.faults.invalid(place("units_differ", detail));
                 f64::NAN
             }
-            CellValue::Number(number)
-                if number.abs() > SURELY_NONE && SENTINELS.contains(&number) =>
-            {
+            CellValue::Number(number) if sentinels::is_surely_none(number) => {
                 self.words.take(cell);
                 f64::NAN
             }
@@ -228,6 +191,13 @@ impl SignalColumn {
     ) -> f64 {
         if let Some((number, form)) = negative(cell, options) {
             return self.signed(number, form, place);
+        }
+        if let Some((number, class)) = value::with_status(cell, options.decimal) {
+            self.statuses.take(class);
+            return match class {
+                Class::Bad => f64::NAN,
+                _ => self.number(number, place),
+            };
         }
         match self.measured(cell, options) {
             Some(Ok(number)) => self.number(number, place),
@@ -287,18 +257,7 @@ impl SignalColumn {
 
     fn number(&mut self, number: f64, place: impl FnOnce(&'static str, String) -> Fault) -> f64 {
         self.numbers += 1;
-        if number.abs() >= SMALLEST_SENTINEL && SENTINELS.contains(&number) {
-            match self
-                .sentinels
-                .iter_mut()
-                .find(|(sentinel, _)| *sentinel == number)
-            {
-                Some((_, count)) => *count += 1,
-                None => self.sentinels.push((number, 1)),
-            }
-        } else {
-            self.range = (self.range.0.min(number), self.range.1.max(number));
-        }
+        self.sentinels.take(number);
         let value = self.unit.to_si(number);
         if !value.is_finite() && !self.ignored {
             let detail = format!(
@@ -387,36 +346,18 @@ impl SignalColumn {
             let detail = format!("{count} samples were true or false and were read as 1 and 0");
             notes.push(note("booleans", detail));
         }
-        if self.range.0 > self.range.1 && self.purpose == ReadingPurpose::Stream {
-            // A batch may hold a single sample, which cannot be far from others.
-            notes.extend(self.sentinels.iter().map(|(value, count)| {
-                let value = shown(*value);
-                let detail = format!(
-                    "{count} samples are exactly {value} as recorded, which loggers write where they \
-                     have no value; they were kept. If they stand for missing ones, say \
-                     missing={value}"
-                );
-                note("likely_sentinel", detail)
-            }));
+        if let Some(detail) = self.statuses.told() {
+            notes.push(note("status_in_cells", detail));
         }
-        notes.extend(self.likely_sentinels().map(|(value, count)| {
-            let (low, high) = self.range;
-            let (value, low, high) = (shown(value), shown(low), shown(high));
-            let detail = format!(
-                "{count} samples are exactly {value} as recorded, far from the others ({low} to \
-                 {high}); they were kept. If they stand for missing ones, say missing={value}"
-            );
-            note("likely_sentinel", detail)
-        }));
+        let sentinels = self.sentinels.told(self.numbers).into_iter();
+        notes.extend(sentinels.map(|detail| note("likely_sentinel", detail)));
         notes
     }
 
-    fn likely_sentinels(&self) -> impl Iterator<Item = (f64, usize)> {
-        let (low, high) = self.range;
-        let far = FAR * (high - low).max(f64::MIN_POSITIVE);
-        let is_far = move |value: f64| value < low - far || value > high + far;
-        let sentinels = self.sentinels.iter().copied();
-        sentinels.filter(move |(value, _)| low <= high && is_far(*value))
+    /// The values in SI that stand for missing samples.
+    pub(super) fn stand_ins(&self) -> Vec<f64> {
+        let stand_ins = self.sentinels.stand_ins(self.numbers);
+        stand_ins.map(|value| self.unit.to_si(value)).collect()
     }
 }
 

@@ -1,13 +1,18 @@
 //! The bytes of a text as UTF-8 with plain line ends, piece by piece.
 //!
-//! A byte order mark decides; else what was said (a `charset`, an option); else UTF-8 is assumed,
+//! A byte order mark decides, that of UTF-32 too; else what was said (a `charset`, an option); else UTF-8 is assumed,
 //! and bytes that are not are passed on, for the reader to refuse with their place. `\r\n` becomes
 //! `\n`, so that lines are counted right.
 
+mod code_pages;
+mod utf32;
+
 use super::error::{ReadError, invalid};
+use code_pages::CodePage;
 use encoding_rs::{Decoder, Encoding, UTF_8};
 use greybox_numerics::parsing::Fault;
 use std::io::{self, BufRead, BufReader, Read};
+use utf32::Utf32;
 
 /// Bytes that are read at once.
 const PIECE_BYTES: usize = 64 * 1024;
@@ -15,8 +20,7 @@ const PIECE_BYTES: usize = 64 * 1024;
 /// A text on its way in.
 pub(super) struct DecodedText<R> {
     source: BufReader<R>,
-    /// Nothing where the bytes are UTF-8 already.
-    decoder: Option<Decoder>,
+    decoding: Decoding,
     decoded: Vec<u8>,
     given: usize,
     /// A carriage return at the end of a piece, of which it is not known what follows.
@@ -24,13 +28,42 @@ pub(super) struct DecodedText<R> {
     is_at_end: bool,
 }
 
+/// How bytes become UTF-8.
+enum Decoding {
+    /// They are UTF-8 already.
+    None,
+    Listed(Decoder),
+    Page(&'static CodePage),
+    Utf32(Utf32),
+}
+
+/// An encoding that has a name.
+pub(super) enum NamedEncoding {
+    Listed(&'static Encoding),
+    Page(&'static CodePage),
+}
+
 /// The encoding of that name.
-pub(super) fn named(name: &str) -> Result<&'static Encoding, String> {
-    Encoding::for_label(name.trim().as_bytes()).ok_or_else(|| {
+pub(super) fn named(name: &str) -> Result<NamedEncoding, String> {
+    let page = CodePage::named(name.trim()).map(NamedEncoding::Page);
+    let listed = || Encoding::for_label(name.trim().as_bytes()).map(NamedEncoding::Listed);
+    page.or_else(listed).ok_or_else(|| {
         format!(
-            "`{name}` is no encoding that is known here, such as utf-8, utf-16le or windows-1252"
+            "`{name}` is no encoding that is known here, such as utf-8, utf-16le, windows-1252 or cp850"
         )
     })
+}
+
+impl From<NamedEncoding> for Decoding {
+    fn from(named: NamedEncoding) -> Self {
+        match named {
+            NamedEncoding::Page(page) => Self::Page(page),
+            NamedEncoding::Listed(encoding) if encoding == UTF_8 => Self::None,
+            NamedEncoding::Listed(encoding) => {
+                Self::Listed(encoding.new_decoder_without_bom_handling())
+            }
+        }
+    }
 }
 
 impl<R: Read> DecodedText<R> {
@@ -44,18 +77,17 @@ impl<R: Read> DecodedText<R> {
             None => None,
         };
         let head = source.fill_buf()?;
-        let marked = Encoding::for_bom(head);
-        if let Some((_, bytes)) = marked {
-            source.consume(bytes);
-        }
-        let encoding = marked
-            .map(|(encoding, _)| encoding)
-            .or(declared)
-            .unwrap_or(UTF_8);
-        let decoder = (encoding != UTF_8).then(|| encoding.new_decoder_without_bom_handling());
+        let utf32 = Utf32::of_mark(head).map(|utf32| (Decoding::Utf32(utf32), 4));
+        let marked = || {
+            let (encoding, bytes) = Encoding::for_bom(head)?;
+            Some((NamedEncoding::Listed(encoding).into(), bytes))
+        };
+        let declared = declared.map_or(Decoding::None, Decoding::from);
+        let (decoding, mark) = utf32.or_else(marked).unwrap_or((declared, 0));
+        source.consume(mark);
         Ok(Self {
             source,
-            decoder,
+            decoding,
             decoded: Vec::new(),
             given: 0,
             pending_return: false,
@@ -71,10 +103,14 @@ impl<R: Read> DecodedText<R> {
             let piece = self.source.fill_buf()?;
             let length = piece.len();
             self.is_at_end = length == 0;
-            match &mut self.decoder {
-                None => self.decoded.extend_from_slice(piece),
-                Some(decoder) => decode(decoder, piece, &mut self.decoded),
+            let mut text = String::new();
+            match &mut self.decoding {
+                Decoding::None => self.decoded.extend_from_slice(piece),
+                Decoding::Listed(decoder) => decode(decoder, piece, &mut self.decoded),
+                Decoding::Page(page) => page.decode(piece, &mut text),
+                Decoding::Utf32(utf32) => utf32.decode(piece, &mut text),
             }
+            self.decoded.extend_from_slice(text.as_bytes());
             self.source.consume(length);
             self.without_returns();
         }
@@ -161,6 +197,27 @@ mod tests {
         assert_eq!(read(&utf16, Some("latin1")), "t,é\n");
         assert_eq!(read("\u{feff}t,é\n".as_bytes(), None), "t,é\n");
         assert_eq!(read(b"t,\xe9\n", Some("iso-8859-1")), "t,é\n");
+    }
+
+    #[test]
+    fn code_pages_of_dos_are_said_and_utf_32_is_told_by_its_mark() {
+        assert_eq!(
+            read(b"\x9aberlauf [\xf8C]\r\n", Some("ibm850")),
+            "Überlauf [°C]\n"
+        );
+        assert_eq!(
+            read(b"\x9aberlauf [\xf8C]\r\n", Some("CP437")),
+            "Überlauf [°C]\n"
+        );
+        let bytes = |ends: fn(u32) -> [u8; 4]| -> Vec<u8> {
+            let signs = "\u{feff}t,é\r\n".chars();
+            signs.flat_map(|sign| ends(u32::from(sign))).collect()
+        };
+        for utf32 in [bytes(u32::to_le_bytes), bytes(u32::to_be_bytes)] {
+            assert_eq!(read(&utf32, Some("latin1")), "t,é\n");
+        }
+        let cut = &bytes(u32::to_le_bytes)[..14];
+        assert_eq!(read(cut, None), "t,\u{fffd}");
     }
 
     #[test]

@@ -19,6 +19,7 @@ mod csv;
 mod encoding;
 mod epochs;
 mod error;
+mod fixed_width;
 mod format;
 mod gzip;
 mod historian;
@@ -55,7 +56,7 @@ use error::{malformed, told};
 use format::{HEAD_BYTES, whole_lines};
 use gzip::Unpacked;
 use memory::Memory;
-use std::io::{BufRead, BufReader, Cursor, Read};
+use std::io::{self, BufRead, BufReader, Cursor, Read};
 
 /// Reads a recording into memory.
 ///
@@ -128,12 +129,13 @@ fn receive_plain(
         );
         return Err(malformed(fault));
     }
+    let whole = Cursor::new(head.clone()).chain(text);
+    let (head, whole) = fixed_width::apart(head, whole)?;
     let format = match format {
         Some(format) => format,
         None => recognised(kind, &head, options),
     };
     options.refuse(&format.without(), format.name())?;
-    let whole = Cursor::new(head.clone()).chain(text);
     match format {
         Format::InfluxLines => lines::read(whole, options, memory),
         json if json == Format::Json || json.is_json() => {
@@ -153,18 +155,16 @@ fn receive_json(
     options: &Options,
     memory: &Memory,
 ) -> Result<ReceivedRecording, ReadError> {
+    if format != Format::Json {
+        return historian::read(text, format, options, memory);
+    }
     let (text, replaced) = json::PlainNumbers::of(text);
-    let mut received = match format {
-        Format::Json => {
-            let mut recording = json::read(text, options.purpose)?;
-            recording.source = options.source("json");
-            if options.name.is_some() {
-                recording.name.clone_from(&options.name);
-            }
-            ReceivedRecording::from(recording)
-        }
-        format => historian::read(text, format, options, memory)?,
-    };
+    let mut recording = json::read(text, options.purpose)?;
+    recording.source = options.source("json");
+    if options.name.is_some() {
+        recording.name.clone_from(&options.name);
+    }
+    let mut received = ReceivedRecording::from(recording);
     received.header.notes.extend(replaced.note());
     Ok(received)
 }
@@ -197,15 +197,15 @@ pub fn layout(source: impl Read, kind: MediaKind, options: &Options) -> Result<L
     let mut text = DecodedText::new(source.take(HEAD_BYTES), options.encoding.as_deref())?;
     let mut head = Vec::new();
     text.read_to_end(&mut head)?;
-    let head = match memory.read() < HEAD_BYTES {
-        true => &head[..],
-        false => whole_lines(&head),
-    };
+    if memory.read() >= HEAD_BYTES {
+        head.truncate(whole_lines(&head).len());
+    }
+    let (head, _) = fixed_width::apart(head, io::empty())?;
     let format = match format {
         Some(format) => format,
-        None => recognised(kind, &options.skip.left_out(head)?, options),
+        None => recognised(kind, &options.skip.left_out(&head)?, options),
     };
-    layout_of_text(format, head, options)
+    layout_of_text(format, &head, options)
 }
 
 /// Says how a text is read that begins so, which is UTF-8.

@@ -40,6 +40,8 @@ pub struct Options {
     /// The lines that are left out of the text.
     pub(super) skip: SkippedLines,
     pub(super) purpose: ReadingPurpose,
+    /// When the numbers of a time begin, as the head of the text has it.
+    pub(super) begin: Option<String>,
     pub(super) given: BTreeMap<String, String>,
 }
 
@@ -114,6 +116,8 @@ pub(super) enum Decimal {
 pub(super) struct Missing {
     pub(super) words: Vec<String>,
     pub(super) numbers: Vec<f64>,
+    /// All other numbers are values, even where they look as if they stood for none.
+    pub(super) keeps_sentinels: bool,
 }
 
 /// The instants that sources of different instants are put on.
@@ -385,6 +389,7 @@ fn missing(text: &str) -> Missing {
     {
         match item.parse::<f64>() {
             Ok(number) => missing.numbers.push(number),
+            Err(_) if item == "none" => missing.keeps_sentinels = true,
             Err(_) => missing.words.push(item.to_lowercase()),
         }
     }

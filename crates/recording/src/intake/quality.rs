@@ -12,6 +12,8 @@
 //! | `is_good` | 1, yes, true | | 0, no, false |
 //! | `is_bad` | 0, no, false | | 1, yes, true |
 //! | `proficy` (REST of Proficy Historian) | 3 | 1 | 0, 2 (not available) |
+//! | `fieldbus` (PROFIBUS PA, Foundation Fieldbus, tags of `WinCC`) | 128 to 255 | 64 to 127 | 0 to 63 |
+//! | `factorytalk` (data logs of `FactoryTalk` View and `RSView32`) | blank | S (stale) | D, E, U, * |
 //! | `words` | good …, ok, true | uncertain …, questionable, doubtful | bad …, not good, invalid, false |
 //!
 //! A 0 is bad in one and good in another: where the format does not settle the scheme it is asked
@@ -33,10 +35,12 @@ pub(super) enum Scheme {
     IsGood,
     IsBad,
     Proficy,
+    Fieldbus,
+    FactoryTalk,
     Words,
 }
 
-const NAMES: [(&str, Scheme); 11] = [
+const NAMES: [(&str, Scheme); 13] = [
     ("opc_da", Scheme::OpcDa),
     ("opc_ua", Scheme::OpcUa),
     ("aveva_quality", Scheme::AvevaQuality),
@@ -47,6 +51,8 @@ const NAMES: [(&str, Scheme); 11] = [
     ("is_good", Scheme::IsGood),
     ("is_bad", Scheme::IsBad),
     ("proficy", Scheme::Proficy),
+    ("fieldbus", Scheme::Fieldbus),
+    ("factorytalk", Scheme::FactoryTalk),
     ("words", Scheme::Words),
 ];
 
@@ -86,6 +92,7 @@ impl Scheme {
             Cell::Bool(good) => return Some(if *good { Class::Good } else { Class::Bad }),
             Cell::Integer(code) => *code,
             Cell::Number(code) if code.fract() == 0.0 => *code as i64,
+            Cell::Text(text) if self == Self::FactoryTalk => return class_of_letter(text.trim()),
             Cell::Text(text) => code_in(text.trim())?,
             _ => return None,
         };
@@ -144,9 +151,25 @@ impl Scheme {
                 0 | 2 => Class::Bad,
                 _ => return None,
             },
-            Self::Words => return None,
+            Self::Fieldbus => match code {
+                0..64 => Class::Bad,
+                64..128 => Class::Uncertain,
+                128..256 => Class::Good,
+                _ => return None,
+            },
+            Self::FactoryTalk | Self::Words => return None,
         };
         Some(class)
+    }
+}
+
+/// The class of a letter in a data log of `FactoryTalk` View: disabled, error of communication, uninitialized or bad,
+/// and stale.
+fn class_of_letter(letter: &str) -> Option<Class> {
+    match letter {
+        "D" | "E" | "U" | "*" => Some(Class::Bad),
+        "S" => Some(Class::Uncertain),
+        _ => None,
     }
 }
 
@@ -251,6 +274,10 @@ mod tests {
             (Scheme::Cognite, 0, Good),
             (Scheme::Proficy, 0, Bad),
             (Scheme::Proficy, 3, Good),
+            (Scheme::Fieldbus, 128, Good),
+            (Scheme::Fieldbus, 192, Good),
+            (Scheme::Fieldbus, 72, Uncertain),
+            (Scheme::Fieldbus, 0, Bad),
         ] {
             assert_eq!(
                 scheme.class(&Cell::Integer(code)),
@@ -279,6 +306,25 @@ mod tests {
                 Scheme::OpcDa.class(&Cell::Text(text)),
                 Some(class),
                 "{text}"
+            );
+        }
+    }
+
+    #[test]
+    fn letters_are_those_of_one_program() {
+        use Class::{Bad, Good, Uncertain};
+        assert_eq!(Scheme::Fieldbus.class(&Cell::Integer(256)), None);
+        for (letter, class) in [
+            ("", Some(Good)),
+            ("E", Some(Bad)),
+            ("S", Some(Uncertain)),
+            ("B", None),
+            ("1", None),
+        ] {
+            assert_eq!(
+                Scheme::FactoryTalk.class(&Cell::Text(letter)),
+                class,
+                "{letter}"
             );
         }
     }

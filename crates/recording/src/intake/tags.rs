@@ -269,6 +269,7 @@ impl<'o> Tags<'o> {
             let faults = tag.column.faults();
             self.faults.extend(faults);
             self.notes.extend(tag.column.notes());
+            tag.leave_out_stand_ins();
         }
         let texts = self.tags.iter().find_map(|tag| tag.column.first_text());
         let no_signals = no_signals("there is no signal with a number in it", texts);

@@ -22,6 +22,28 @@ pub(super) fn name_and_unit(title: &str) -> (&str, &str) {
     (title, unit.unwrap_or_default())
 }
 
+/// The unit at the end of each of several titles, behind a blank or a dot: `PT101 bar`, `TT102 °C`. None where one of
+/// them has none for certain, as parameters of controllers (`FIC1.PV`) and phases (`motor A`) have none.
+pub(super) fn units_behind<'t>(titles: &[&'t str]) -> Option<Vec<&'t str>> {
+    /// Parameters of controllers that are units too.
+    const PARAMETERS: [&str; 2] = ["MV", "PS"];
+    let of_sign = |sign: char| -> Option<Vec<&'t str>> {
+        let unit = |title: &&'t str| {
+            let (name, unit) = title.rsplit_once(sign)?;
+            let is_time = units::parse_time(unit).is_some();
+            let is_one = is_suffix(unit) && units::is_exact(unit) && !is_time;
+            let is_one = is_one && !PARAMETERS.contains(&unit);
+            (!name.trim().is_empty() && is_one).then_some(unit)
+        };
+        titles.iter().map(unit).collect()
+    };
+    let has_unit = |title: &&str| !name_and_unit(title).1.is_empty();
+    if titles.len() < 2 || titles.iter().any(has_unit) {
+        return None;
+    }
+    of_sign(' ').or_else(|| of_sign('.'))
+}
+
 /// The name before the last of two signs and the unit between them, where the title ends with the second.
 fn cut(title: &str, open: char, close: char) -> Option<(&str, &str)> {
     let (name, unit) = title.strip_suffix(close)?.rsplit_once(open)?;
@@ -114,6 +136,30 @@ mod tests {
             ("position]", "position]", ""),
         ] {
             assert_eq!(name_and_unit(title), (name, unit), "{title}");
+        }
+    }
+
+    #[test]
+    fn units_stand_behind_blanks_and_dots_where_all_titles_have_one() {
+        let all = |titles: &[&str]| units_behind(titles).map(|units| units.join(","));
+        assert_eq!(all(&["PT101 bar", "TT102 °C"]).as_deref(), Some("bar,°C"));
+        assert_eq!(all(&["PT101.bar", "n.rpm"]).as_deref(), Some("bar,rpm"));
+        for titles in [
+            &["PT101 bar"][..],
+            &["PT101 bar", "TT102"],
+            &["PT101 bar", "TT102.°C"],
+            &["PLC.A", "PLC.B"],
+            &["motor.s", "pump.s"],
+            &["FIC1.MV", "FIC2.MV"],
+            &["FIC1.PV", "FIC1.SP"],
+            &["x.min", "y.min"],
+            &["energy.day", "peak.day"],
+            &["a BAR", "b BAR"],
+            &["p [bar]", "T bar"],
+            &["rig/p bar/s", "x bar"],
+            &[" bar", " Hz"],
+        ] {
+            assert_eq!(all(titles), None, "{titles:?}");
         }
     }
 

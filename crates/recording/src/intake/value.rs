@@ -4,7 +4,10 @@ mod spelling;
 
 use super::cell::Cell;
 use super::options::{Decimal, Missing, Options};
+use super::quality;
 use super::units;
+use crate::Class;
+use spelling::is_in_lakhs;
 pub(super) use spelling::is_in_thousands;
 
 /// What a cell is where a value is looked for.
@@ -119,10 +122,28 @@ fn plain_number(text: &str, decimal: Option<Decimal>) -> Option<f64> {
     let has_thousands = whole.contains(thousands);
     // `1,052` is clear where it was said what its comma is, and `1,052.3` always.
     let is_clear = decimal.is_some() || text.contains(fraction);
-    let is_sound = !behind.contains([fraction, thousands])
-        && (!has_thousands || is_clear && is_in_thousands(whole, thousands));
+    let are_thousands =
+        || is_in_thousands(whole, thousands) || thousands == ',' && is_in_lakhs(whole);
+    let is_sound =
+        !behind.contains([fraction, thousands]) && (!has_thousands || is_clear && are_thousands());
     let plain = || format!("{}.{behind}", whole.replace(thousands, ""));
     is_sound.then(plain)?.parse().ok()
+}
+
+/// The number in a cell that says behind it in parentheses how good it is: `3.200 (Good NonSpecific)`.
+pub(super) fn with_status(cell: &Cell<'_>, decimal: Option<Decimal>) -> Option<(f64, Class)> {
+    let Cell::Text(text) = cell else {
+        return None;
+    };
+    let (digits, words) = status_behind(text)?;
+    Some((number(digits, decimal)?, quality::word(words)?))
+}
+
+/// A number and the words of quality in parentheses behind it.
+pub(super) fn status_behind(text: &str) -> Option<(&str, &str)> {
+    let (digits, words) = text.trim().strip_suffix(')')?.split_once(" (")?;
+    let is_status = !words.trim().is_empty() && quality::word(words).is_some();
+    is_status.then_some((digits.trim(), words))
 }
 
 /// A number and the unit behind it, as in `5.2 bar`, `45%` and `20°C`.
@@ -178,6 +199,12 @@ mod tests {
         assert_eq!(both("1 452,500"), (None, Some(1452.5)));
         assert_eq!(both("−1,0e-03"), (None, Some(-0.001)));
         assert_eq!(both("1 452.500"), (Some(1452.5), None));
+        // India counts in thousands, lakhs and crores.
+        assert_eq!(both("14,52,000"), (Some(1_452_000.0), None));
+        assert_eq!(both("-1,45,20,000.5"), (Some(-14_520_000.5), None));
+        assert_eq!(number("1,45,20,000.5", None), Some(14_520_000.5));
+        assert_eq!(number("14,52,000", None), None);
+        assert_eq!(both("14.52.000"), (None, None));
     }
 
     #[test]
@@ -205,7 +232,9 @@ mod tests {
             "1.5 E +03",
             "(1.5)",
             "1.5-",
-            "14,52,000",
+            "14,52,00",
+            "145,20,000",
+            "04,52,000",
             "20260302 081500",
             "1 452 rpm",
             "٫",

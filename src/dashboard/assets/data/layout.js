@@ -7,6 +7,7 @@ import { query, request } from "../shell/api.js";
 import { h, keepingFocus, quoted, smallButton } from "../shell/dom.js";
 import { count, unitText, words } from "../shell/format.js";
 import { parametersOf } from "./layouts.js";
+import { isLeftOut, withLine } from "./lines.js";
 import { answersIn, textOfOptions } from "./options.js";
 import {
   changesOfKind,
@@ -200,7 +201,11 @@ export class LayoutPart {
     const values = this.form.values();
     const answers = answersIn(detail)
       .filter(([option, value]) => values[option] !== value)
-      .map(([option, value]) => ({ changes: { [option]: value }, text: textOfOptions({ [option]: value }) }));
+      .map(([option, value]) => ({
+        // A further line is left out beside those that are.
+        changes: { [option]: option === "skip" ? withLine(values.skip, Number(value)) : value },
+        text: textOfOptions({ [option]: value }),
+      }));
     const supposed = (column ? unitsSupposed(detail) : []).map((unit) => ({
       changes: { units: withUnit(values.units, { name: column, unit: null }, unit) },
       text: `Unit of ${column}: ${unit}`,
@@ -285,9 +290,10 @@ export class LayoutPart {
 
   tableOf(layout) {
     const { columns, rows } = layout.answer;
+    const read = rows.filter(({ line }) => !isLeftOut(layout.values.skip, line));
     const width = Math.min(
       COLUMNS_SHOWN,
-      Math.max(columns.length, ...rows.map(({ fields }) => fields.length)),
+      Math.max(columns.length, ...read.map(({ fields }) => fields.length)),
     );
     const lines = namedLines(layout.answer);
     return h(
@@ -377,10 +383,10 @@ export class LayoutPart {
   rowOf(layout, { line, fields }, { width, isNamed }) {
     const kind = kindOfRow(layout.answer, line, layout.values.skip);
     const { columns } = layout.answer;
-    // A line of a comment has no columns.
-    const isOne = fields.length === 1 && width > 1;
+    // A line of a comment has no columns, and neither has one that is left out.
+    const isOne = kind === "skipped" || (fields.length === 1 && width > 1);
     const cells = isOne
-      ? [h("td", { colspan: String(width) }, fields[0])]
+      ? [h("td", { colspan: String(width) }, fields.join(" "))]
       : Array.from({ length: width }, (_, k) =>
           this.cellOf(columns.length ? roleClass(columns[k]) : null, fields[k] ?? ""),
         );

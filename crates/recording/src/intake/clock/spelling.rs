@@ -1,5 +1,6 @@
 //! How instants are written.
 
+use crate::intake::cell::Cell;
 use crate::intake::epochs::{Counted, Epoch};
 
 /// How an instant is written.
@@ -20,4 +21,17 @@ impl From<Epoch> for Spelling {
             Counted::Units { before, factor } => Spelling::Unix { before, factor },
         }
     }
+}
+
+/// The nanoseconds since 1970 of Unix seconds with all nine digits behind the point, which no double holds.
+pub(super) fn unix_with_nanoseconds(cell: &Cell<'_>) -> Option<i64> {
+    let Cell::Text(text) = cell else {
+        return None;
+    };
+    let (seconds, fraction) = text.trim().split_once('.')?;
+    let is_of_digits = |text: &str| text.bytes().all(|digit| digit.is_ascii_digit());
+    if fraction.len() != 9 || !is_of_digits(seconds) || !is_of_digits(fraction) {
+        return None;
+    }
+    format!("{seconds}{fraction}").parse().ok()
 }

@@ -38,12 +38,15 @@ pub(in crate::intake) fn time_name_and_unit(title: &str) -> (&str, &str) {
 
 /// Whether a field is what stands in rows: nothing, a number or a time.
 pub(super) fn is_data(field: &str) -> bool {
-    let is_number = |decimal| value::number(field, Some(decimal)).is_some();
+    let is_number = |field| {
+        let reads = |decimal| value::number(field, Some(decimal)).is_some();
+        reads(Decimal::Point) || reads(Decimal::Comma)
+    };
     field.is_empty()
-        || is_number(Decimal::Point)
-        || is_number(Decimal::Comma)
+        || is_number(field)
         || stamp::is_one(field)
         || value::with_unit(field).is_some_and(|(number, _)| is_data(number))
+        || value::status_behind(field).is_some_and(|(number, _)| is_number(number))
 }
 
 /// Whether a column has fields that are filled, and all of them are so.

@@ -102,6 +102,11 @@ fn columns(
     let mut seen = HashSet::new();
     let mut columns = Vec::with_capacity(titles.len());
     let mut names = Vec::with_capacity(titles.len());
+    let signals = titles.iter().enumerate().filter(|(k, _)| *k != time);
+    let signals: Vec<&str> = signals.map(|(_, title)| *title).collect();
+    let mut units = title::units_behind(&signals)
+        .unwrap_or_default()
+        .into_iter();
     for (k, title) in titles.iter().enumerate() {
         let (name, _) = title::name_and_unit(title);
         if k == time {
@@ -110,11 +115,14 @@ fn columns(
             seen.insert(name.to_owned());
             continue;
         }
-        let column = SignalColumn::titled(title, options).unwrap_or_else(|wrong| {
+        let mut column = SignalColumn::titled(title, options).unwrap_or_else(|wrong| {
             let (column, detail) = *wrong;
             faults.invalid(at_line(line, Some(name), "unknown_unit", detail));
             column
         });
+        if let Some(unit) = units.next().filter(|_| !options.units.contains_key(*title)) {
+            column.set_unit_of_name(unit);
+        }
         if let Some((code, detail)) = name_fault(&column.name) {
             let detail = format!("column {}: {detail}", k + 1);
             faults.invalid(at_line(line, None, code, detail));

@@ -11,7 +11,7 @@ use super::super::title;
 use super::fields::{line_of, texts, time_name_and_unit};
 use super::long_columns::LongColumns;
 use super::rows::{TableRows, is_empty, read_row};
-use crate::{ReceivedRecording, Warning};
+use crate::Warning;
 use ::csv::ByteRecord;
 use greybox_numerics::parsing::Fault;
 use std::borrow::Cow;
@@ -20,13 +20,13 @@ use std::io::Read;
 /// Tags of rows by which `WinCC` tells that its runtime stopped, was disabled or failed.
 const STATE_OF_WINCC: &[u8] = b"$RT_";
 
-/// Reads all rows.
-pub(super) fn read(
+/// The tags of all rows.
+pub(super) fn read<'o>(
     mut rows: TableRows<'_, impl Read>,
     columns: Option<LongColumns>,
-    options: &Options,
+    options: &'o Options,
     memory: &Memory,
-) -> Result<ReceivedRecording, ReadError> {
+) -> Result<Tags<'o>, ReadError> {
     let mut record = ByteRecord::new();
     read_row(&mut rows, &mut record)?;
     let titles = texts(&record)?;
@@ -68,7 +68,7 @@ pub(super) fn read(
         let note = Warning::of_recording("lines_left_out", detail);
         tags.notes.push(note);
     }
-    tags.into_received("long_csv")
+    Ok(tags)
 }
 
 /// Where in a row things stand, and what the signals of a row are called.

@@ -56,7 +56,7 @@ const TAGS: [&str; 27] = [
     "tagindex",
     "alias",
 ];
-const VALUES: [&str; 16] = [
+const VALUES: [&str; 17] = [
     "value",
     "val",
     "v",
@@ -73,6 +73,7 @@ const VALUES: [&str; 16] = [
     "state",
     "varvalue",
     "iptrendvalue",
+    "doublevalue",
 ];
 const QUALITIES: [(&str, Option<Scheme>); 26] = [
     ("opcquality", Some(Scheme::OpcDa)),

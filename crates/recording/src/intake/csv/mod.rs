@@ -14,6 +14,7 @@ mod below;
 mod fields;
 mod header;
 mod influx;
+mod instruments;
 mod layout;
 mod long;
 mod long_columns;
@@ -24,11 +25,12 @@ mod simulink;
 mod sniff;
 mod split_time;
 mod table;
+mod tag_units;
 mod top_rows;
 
 use super::error::{at_line, invalid};
 use super::memory::Memory;
-use super::options::{Decimal, Options};
+use super::options::{Decimal, Options, TimeUnit};
 use super::title::name_and_unit;
 use super::{Format, ReadError};
 use crate::{NewScratch, ReceivedRecording, Warning};
@@ -95,6 +97,11 @@ pub(super) fn receive_as(
         return Err(invalid(fault));
     }
     notes.extend(sniff.shape.notes());
+    if let Some(head) = &sniff.shape.head {
+        options.begin.clone_from(&head.begin);
+        let step = head.step.map(TimeUnit::Seconds);
+        options.time_unit = options.time_unit.or(step);
+    }
     // Every row ends with its line, the last one too.
     let whole = text.whole.chain(&b"\n"[..]);
     let rows = TableRows::of(whole, sniff.delimiter, &sniff.shape);
@@ -102,7 +109,9 @@ pub(super) fn receive_as(
     let mut received = match format {
         Format::LongCsv => {
             let columns = sniff.long_columns(&options)?;
-            long::read(rows, columns, &options, memory)
+            let mut tags = long::read(rows, columns, &options, memory)?;
+            tag_units::describe(&mut tags, sniff.shape.above());
+            tags.into_received("long_csv")
         }
         Format::PairedCsv => paired::read(rows, sniff.paired_columns(), &options, memory),
         Format::SimulinkCsv => simulink::read(rows, &options, memory),

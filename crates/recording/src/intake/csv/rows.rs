@@ -59,6 +59,8 @@ pub(super) struct TableRows<'s, R> {
     rows: TextRows<R>,
     shape: &'s Shape,
     has_begun: bool,
+    /// How many rows with anything in them came below the titles.
+    count: u64,
     repeated: Rc<Cell<usize>>,
 }
 
@@ -68,6 +70,7 @@ impl<'s, R: Read> TableRows<'s, R> {
             rows: TextRows::of(text, delimiter),
             shape,
             has_begun: false,
+            count: 0,
             repeated: Rc::default(),
         }
     }
@@ -145,8 +148,12 @@ pub(super) fn read_row(
         return rows.titles(record);
     }
     while rows.rows.read(record)? {
-        if !rows.shape.repeats_top(record) || is_empty(record) {
-            rows.shape.fit(record);
+        if is_empty(record) {
+            return Ok(true);
+        }
+        if !rows.shape.repeats_top(record) {
+            rows.shape.fit(record, rows.count);
+            rows.count += 1;
             return Ok(true);
         }
         rows.repeated.set(rows.repeated.get() + 1);

@@ -5,6 +5,7 @@ use super::super::error::{at_line, excerpt};
 use super::super::table_options::TableOptions;
 use super::super::{stamp, title, units};
 use super::fields::{count_up, is_called_time, line_of, runs};
+use super::instruments::InstrumentHead;
 use super::split_time::SplitTime;
 use super::top_rows::{NamedRows, Titles, TopRows, fields_of, unit_of};
 use crate::Warning;
@@ -50,6 +51,8 @@ pub(super) struct Shape {
     is_even: bool,
     /// The rows that may all be the titles, by their lines.
     rivals: Vec<u64>,
+    /// The head of an instrument above the table.
+    pub(super) head: Option<InstrumentHead>,
     /// An option that names a line on which no row of the beginning stands.
     missing_line: Option<(&'static str, u64)>,
 }
@@ -62,6 +65,21 @@ impl Shape {
             header: Some(0),
             ..Shape::default()
         }
+    }
+
+    /// The shape of a text that begins with these rows and the head of an instrument.
+    pub(super) fn of_head(records: &[ByteRecord], head: InstrumentHead) -> Option<Shape> {
+        let (top, below) = records.split_at_checked(head.rows)?;
+        let below: Vec<Vec<String>> = below.iter().map(fields_of).collect();
+        Some(Shape {
+            top: top.to_vec(),
+            width: head.titles.len(),
+            counters: head.left_out,
+            time: SplitTime::of(&head.titles, &below),
+            columns: head.titles.len(),
+            head: Some(head),
+            ..Shape::default()
+        })
     }
 
     /// The shape of a text that begins with these rows; none where nothing tells which row has the titles.
@@ -112,6 +130,7 @@ impl Shape {
             columns: top.data.len(),
             rivals: rivals.into_iter().map(|k| line_of(&records[k])).collect(),
             missing_line: named.missing,
+            head: None,
         })
     }
 
@@ -141,19 +160,30 @@ impl Shape {
         self.columns > 0 && self.top.iter().any(|above| above == record)
     }
 
-    /// Makes a row of the text one of the table.
-    pub(super) fn fit(&self, record: &mut ByteRecord) {
+    /// The rows of the text above the first of the data.
+    pub(super) fn above(&self) -> &[ByteRecord] {
+        &self.top
+    }
+
+    /// Makes a row of the text one of the table, before which so many came.
+    pub(super) fn fit(&self, record: &mut ByteRecord, before: u64) {
         let time = self.time.as_ref().map(|time| time.text(record));
-        if time.is_some() || self.counters > 0 {
-            *record = self.row(record, &time.unwrap_or_default());
+        let count = self.count_title().map(|_| before.to_string());
+        if time.is_some() || count.is_some() || self.counters > 0 {
+            *record = self.row(record, &time.unwrap_or_default(), count.as_deref());
         }
+    }
+
+    /// The title of the count of rows that stands in for their time.
+    fn count_title(&self) -> Option<&'static str> {
+        self.head.as_ref()?.count_title()
     }
 
     /// The titles of the table.
     pub(super) fn table_titles(&self) -> ByteRecord {
         let record = match self.header {
             Some(header) => self.top.get(header).cloned().unwrap_or_default(),
-            None => ByteRecord::from(numbered_titles(self.width)),
+            None => ByteRecord::from(self.titles()),
         };
         let time = self.time.as_ref().map(|time| time.title(&record));
         let mut titles = ByteRecord::new();
@@ -174,12 +204,12 @@ impl Shape {
             }
         }
         titles.set_position(record.position().cloned());
-        self.row(&titles, &time.unwrap_or_default())
+        self.row(&titles, &time.unwrap_or_default(), self.count_title())
     }
 
-    /// The fields of a row of the text as those of the table, with the field of its time.
-    fn row(&self, record: &ByteRecord, time: &[u8]) -> ByteRecord {
-        let mut row = ByteRecord::new();
+    /// The fields of a row of the text as those of the table, with the field of its time or a count in its place.
+    fn row(&self, record: &ByteRecord, time: &[u8], count: Option<&str>) -> ByteRecord {
+        let mut row = ByteRecord::from_iter(count);
         for (k, field) in record.iter().enumerate() {
             match &self.time {
                 _ if k < self.counters => {}
@@ -194,9 +224,10 @@ impl Shape {
 
     /// The titles as they stand in the text, or those of a text that has none.
     pub(super) fn titles(&self) -> Vec<String> {
-        match self.header {
-            Some(header) => self.top.get(header).map(fields_of).unwrap_or_default(),
-            None => numbered_titles(self.width),
+        match (self.header, &self.head) {
+            (Some(header), _) => self.top.get(header).map(fields_of).unwrap_or_default(),
+            (None, Some(head)) => head.titles.clone(),
+            (None, None) => numbered_titles(self.width),
         }
     }
 
@@ -224,7 +255,8 @@ impl Shape {
                 .is_some_and(|time| time.has(k) && time.first() != k);
             is_joined || k < self.counters
         };
-        (!is_left_out(column)).then(|| (0..column).filter(|k| !is_left_out(*k)).count())
+        let counted = usize::from(self.count_title().is_some());
+        (!is_left_out(column)).then(|| counted + (0..column).filter(|k| !is_left_out(*k)).count())
     }
 
     /// The unit that the row of units has for a column.
@@ -293,7 +325,7 @@ impl Shape {
                 format!("{} together are the time", titles.join(" and ")),
             )
         });
-        let numbers = (self.counters > 0).then(|| {
+        let numbers = (self.counters > 0 && self.head.is_none()).then(|| {
             let detail = "the first column numbers the rows and was left out";
             note("row_numbers", detail.to_owned())
         });
@@ -305,7 +337,7 @@ impl Shape {
                 format!("no row has a field below `{title}`"),
             )
         });
-        let titles = self.header.is_none().then(|| {
+        let titles = (self.header.is_none() && self.head.is_none()).then(|| {
             let detail =
                 "no line has titles: the columns are called `column_1`, `column_2` and so on";
             note("no_titles", detail.to_owned())
@@ -317,6 +349,7 @@ impl Shape {
             surplus,
             time,
             numbers.flatten(),
+            self.head.as_ref().map(InstrumentHead::note),
         ]
         .into_iter()
         .flatten()

@@ -7,6 +7,7 @@ use super::super::options::{Decimal, Options};
 use super::super::table_options::TableOptions;
 use super::super::{Format, stamp, units, value};
 use super::fields::{all_fields, is_called_time, is_data, is_number, time_name_and_unit};
+use super::instruments;
 use super::long_columns::LongColumns;
 use super::paired::PairedColumns;
 use super::rows::{TableRows, TextRows, read_row};
@@ -34,7 +35,8 @@ pub(super) struct Sniff {
 impl Sniff {
     pub(super) fn new(head: &[u8], options: &Options) -> Self {
         let whole = without_cut_line(head);
-        let (delimiter, shape) = shape_of(whole, &options.table);
+        let (delimiter, shape) =
+            headed(whole, &options.table).unwrap_or_else(|| shape_of(whole, &options.table));
         Self {
             are_numbers_times: options.says_numbers_of_time(),
             delimiter,
@@ -117,7 +119,7 @@ impl Sniff {
 
     /// How the numbers of all columns together write fractions: whether they have a decimal comma, or cannot tell.
     pub(super) fn fractions(&self) -> Fractions {
-        let plain = |field: &String| match value::with_unit(field) {
+        let plain = |field: &String| match value::with_unit(field).or(value::status_behind(field)) {
             Some((number, _)) => number.to_owned(),
             None => field.clone(),
         };
@@ -246,6 +248,22 @@ fn described(rows: &[Vec<String>]) -> Option<Format> {
     };
     let is_simulink = times.count() > 1 || second.any(is_description);
     is_simulink.then_some(Format::SimulinkCsv)
+}
+
+/// The delimiter and the shape of a text that begins with the head of an instrument, where no option says which rows
+/// have the titles and the units.
+fn headed(text: &[u8], options: &TableOptions) -> Option<(u8, Shape)> {
+    let is_open = options.header_row.is_none() && options.unit_row.is_none();
+    let first_line = text.split(|byte| *byte == b'\n').next()?;
+    if !is_open || !instruments::may_begin(first_line) {
+        return None;
+    }
+    let mut delimiters = DELIMITERS.into_iter().chain([b' ']);
+    delimiters.find_map(|delimiter| {
+        let rows = first_rows(text, delimiter);
+        let head = instruments::head_of(&rows)?;
+        Some((delimiter, Shape::of_head(&rows, head)?))
+    })
 }
 
 /// The delimiter of a text and the shape of its rows: those with the most columns of data.

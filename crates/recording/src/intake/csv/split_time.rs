@@ -24,6 +24,8 @@ pub(super) struct SplitTime {
     date: Option<usize>,
     clock: usize,
     milliseconds: Option<usize>,
+    /// Whole nanoseconds beside Unix seconds.
+    nanoseconds: Option<usize>,
     /// The first of six columns from the year to the second.
     year: Option<usize>,
 }
@@ -58,7 +60,20 @@ impl SplitTime {
                 date: None,
                 clock: first,
                 milliseconds: None,
+                nanoseconds: None,
                 year: Some(first),
+            });
+        }
+        if let Some((seconds, nanoseconds)) = seconds_and_nanoseconds(titles)
+            && all(seconds, &is_of_digits)
+            && all(nanoseconds, &is_of_digits)
+        {
+            return Some(SplitTime {
+                date: None,
+                clock: seconds,
+                milliseconds: None,
+                nanoseconds: Some(nanoseconds),
+                year: None,
             });
         }
         // A time stands at the beginning, or behind a number of the row.
@@ -83,6 +98,7 @@ impl SplitTime {
             date,
             clock,
             milliseconds,
+            nanoseconds: None,
             year: None,
         })
     }
@@ -95,8 +111,13 @@ impl SplitTime {
     /// Whether a column is one of those of the time.
     pub(super) fn has(&self, column: usize) -> bool {
         let is_part = |year: usize| (year..year + PARTS.len()).contains(&column);
-        [self.date, Some(self.clock), self.milliseconds].contains(&Some(column))
-            || self.year.is_some_and(is_part)
+        let parts = [
+            self.date,
+            Some(self.clock),
+            self.milliseconds,
+            self.nanoseconds,
+        ];
+        parts.contains(&Some(column)) || self.year.is_some_and(is_part)
     }
 
     /// The title of the time.
@@ -119,6 +140,10 @@ impl SplitTime {
             let part = |k: usize| field(Some(year + k));
             return parts_as_text(&std::array::from_fn(part));
         }
+        if let Some(nanoseconds) = self.nanoseconds {
+            let (seconds, nanoseconds) = (field(Some(self.clock)), field(Some(nanoseconds)));
+            return unix_as_text(&seconds, &nanoseconds);
+        }
         let date = field(self.date);
         let mut clock = field(Some(self.clock));
         if let Some(seconds) = seconds_of_day(&clock).filter(|_| is_midnight(&date)) {
@@ -138,6 +163,22 @@ impl SplitTime {
             text = format!("{text} and {milliseconds} ms");
         }
         text.trim().as_bytes().to_vec()
+    }
+}
+
+/// The columns of Unix seconds and of the nanoseconds beside them, as AWS `IoT` `SiteWise` titles them.
+fn seconds_and_nanoseconds(titles: &[String]) -> Option<(usize, usize)> {
+    let plain = |title: &String| title.to_lowercase().replace('_', "");
+    let column = |name: &str| titles.iter().position(|title| plain(title) == name);
+    Some((column("timeinseconds")?, column("offsetinnanos")?))
+}
+
+/// Unix seconds with their nanoseconds as a fraction, where there are any.
+fn unix_as_text(seconds: &str, nanoseconds: &str) -> Vec<u8> {
+    match nanoseconds.trim_start_matches('0') {
+        "" => seconds.as_bytes().to_vec(),
+        digits if digits.len() <= 9 => format!("{seconds}.{digits:0>9}").into_bytes(),
+        _ => format!("{seconds} and {nanoseconds} ns").into_bytes(),
     }
 }
 

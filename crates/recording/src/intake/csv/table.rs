@@ -113,7 +113,10 @@ impl<'o> CsvTable<'o> {
             .skip(wanted)
             .any(|field| !field.trim_ascii().is_empty());
         if record.len() < wanted || surplus {
-            let detail = format!("{} fields where the header has {wanted}", record.len());
+            let detail = format!(
+                "{} fields where the header has {wanted}; `skip={line}` leaves the line out",
+                record.len()
+            );
             let mut faults = ReadingFaults::default();
             faults.malformed(at_line(line, None, "ragged_row", detail));
             self.take_faults_of(record, faults);
@@ -280,6 +283,9 @@ impl<'o> CsvTable<'o> {
         let mut signals = Vec::with_capacity(columns.len());
         for (k, column) in columns.filter(|(k, _)| *k != self.time) {
             notes.extend(column.notes());
+            for stand_in in column.stand_ins() {
+                self.samples.leave_out(k, stand_in);
+            }
             if column.is_signal() {
                 signals.push(column.into_named(Vec::new(), k));
             }

@@ -1,6 +1,8 @@
 //! Whole texts, as plants and spreadsheets write them.
 
+mod heads;
 mod layouts;
+mod sentinels;
 mod spellings;
 mod told_layouts;
 mod untidy;

@@ -1,6 +1,6 @@
 //! Values and units of datapoints of Cognite Data Fusion.
 
-use super::walk::Fields;
+use super::leaf::Fields;
 
 /// Aggregates that a datapoint may have in place of its value.
 const AGGREGATES: [&str; 10] = [

@@ -6,8 +6,9 @@ use super::super::cell::Cell;
 use super::super::clock::Clock;
 use super::super::csv::time_name_and_unit;
 use super::super::tags::{Quality, RawSample, Tags};
+use super::leaf::{Fields, JsonLeaf};
 use super::time_names;
-use super::walk::{Fields, JsonLeaf, Surroundings, Visit};
+use super::walk::{Surroundings, Visit};
 
 /// Rows on their way to their tags.
 pub(super) struct Frame<'o> {

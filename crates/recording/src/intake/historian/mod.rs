@@ -8,6 +8,8 @@
 
 mod cognite;
 mod frames;
+mod held_text;
+mod leaf;
 mod records;
 mod shapes;
 mod time_names;
@@ -20,9 +22,10 @@ use super::tags::Tags;
 use super::{Format, ReadError};
 use crate::ReceivedRecording;
 use frames::Frame;
+use held_text::{DocumentText, ReadText};
 use records::Records;
 use shapes::Shapes;
-use std::io::{BufReader, Read};
+use std::io::Read;
 use walk::walk;
 
 /// Whether the times of a document are an object of values and their unit, as this service takes them.
@@ -92,23 +95,45 @@ pub(super) fn read(
     options: &Options,
     memory: &Memory,
 ) -> Result<ReceivedRecording, ReadError> {
-    let source = BufReader::new(source);
+    // A sample of these takes so many bytes of text that the text beside it is little.
+    let has_keys_in_samples = !matches!(
+        format,
+        Format::JsonSeries | Format::PandasSplit | Format::InfluxJson
+    );
+    let ReadText { text, replaced } = match has_keys_in_samples {
+        true => ReadText::held(source, memory)?,
+        false => ReadText::streamed(source),
+    };
+    let held = text.bytes();
+    let read = read_text(text, format, options, memory);
+    memory.release(held);
+    let mut received = read?;
+    received.header.notes.extend(replaced.note());
+    Ok(received)
+}
+
+fn read_text(
+    text: DocumentText<impl Read>,
+    format: Format,
+    options: &Options,
+    memory: &Memory,
+) -> Result<ReceivedRecording, ReadError> {
     let clock = Clock::new("timestamp", "", options);
     let tags = Tags::new(clock, options, Records::scheme(format), memory);
     match format {
         Format::PandasRecords | Format::JsonSeries => {
             let mut shapes = Shapes::new(format, tags);
-            walk(source, memory, &mut shapes)?;
+            walk(text, memory, &mut shapes)?;
             shapes.into_tags()
         }
         Format::PandasSplit | Format::PandasTable | Format::InfluxJson => {
             let mut frame = Frame::new(format, tags);
-            walk(source, memory, &mut frame)?;
+            walk(text, memory, &mut frame)?;
             frame.into_tags()
         }
         _ => {
             let mut records = Records::new(format, tags);
-            walk(source, memory, &mut records)?;
+            walk(text, memory, &mut records)?;
             records.into_tags()
         }
     }

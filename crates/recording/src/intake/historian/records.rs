@@ -14,7 +14,8 @@ use super::super::cell::Cell;
 use super::super::quality::Scheme;
 use super::super::tags::{Quality, RawSample, Tags};
 use super::cognite;
-use super::walk::{Fields, JsonLeaf, Surroundings, Visit};
+use super::leaf::{Fields, JsonLeaf};
+use super::walk::{Surroundings, Visit};
 use crate::{Class, Interpolation, Warning};
 use greybox_numerics::parsing::Fault;
 

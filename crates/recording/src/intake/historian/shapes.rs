@@ -25,7 +25,8 @@ mod table;
 
 use super::super::Format;
 use super::super::tags::Tags;
-use super::walk::{Fields, JsonLeaf, Surroundings, Visit};
+use super::leaf::{Fields, JsonLeaf};
+use super::walk::{Surroundings, Visit};
 use crate::Warning;
 use greybox_numerics::parsing::Fault;
 use lists::SideBySide;

@@ -1,9 +1,10 @@
 //! One walk through a document of JSON.
 
-use super::super::cell::Cell;
 use super::super::error::{ReadError, at_pointer, malformed};
 use super::super::json;
 use super::super::memory::Memory;
+use super::held_text::DocumentText;
+use super::leaf::{Fields, JsonLeaf};
 use greybox_numerics::parsing::Fault;
 use serde::de::{self, DeserializeSeed, Deserializer, MapAccess, SeqAccess, Visitor};
 use std::fmt;
@@ -16,24 +17,6 @@ const FIELD_BYTES: u64 = 2 * size_of::<(Rc<str>, JsonLeaf)>() as u64;
 
 /// Different keys that are kept for the next object.
 const KEPT_KEYS: usize = 64;
-
-/// A value of the document, without what was handed over already.
-#[derive(Clone, Debug, PartialEq)]
-pub(super) enum JsonLeaf {
-    Null,
-    Bool(bool),
-    Integer(i64),
-    Number(f64),
-    Text(String),
-    List(Vec<JsonLeaf>),
-    Object(Fields),
-    /// It was handed over.
-    Taken,
-}
-
-/// The fields of an object.
-#[derive(Clone, Debug, Default, PartialEq)]
-pub(super) struct Fields(pub(super) Vec<(Rc<str>, JsonLeaf)>);
 
 /// Where an object stands: the objects around it, from the outermost, as far as they were read.
 pub(super) struct Surroundings<'w> {
@@ -82,7 +65,7 @@ pub(super) trait Visit {
 
 /// Walks through the document. Values that wait for the end of their list or object take memory.
 pub(super) fn walk(
-    source: impl Read,
+    text: DocumentText<impl Read>,
     memory: &Memory,
     visit: &mut impl Visit,
 ) -> Result<(), ReadError> {
@@ -95,8 +78,16 @@ pub(super) fn walk(
         path: Vec::new(),
         document_steps: 0,
         keys: Vec::new(),
+        spare: Vec::new(),
     };
-    let walked = through(source, &mut walker);
+    let walked = match text {
+        DocumentText::Held(text) => {
+            through(serde_json::Deserializer::from_slice(&text), &mut walker)
+        }
+        DocumentText::Streamed(source) => {
+            through(serde_json::Deserializer::from_reader(source), &mut walker)
+        }
+    };
     memory.release(walker.held);
     match walker.refusal {
         Some(detail) => Err(malformed(Fault::of_whole("too_much_memory", detail))),
@@ -104,11 +95,10 @@ pub(super) fn walk(
     }
 }
 
-fn through<V: Visit>(
-    source: impl Read,
+fn through<'t, V: Visit>(
+    mut text: serde_json::Deserializer<impl serde_json::de::Read<'t>>,
     walker: &mut Walker<'_, V>,
 ) -> Result<(), serde_json::Error> {
-    let mut text = serde_json::Deserializer::from_reader(source);
     let (mut taken, mut left) = (0, 0);
     for document in 1.. {
         let node = LeafSeed {
@@ -150,6 +140,8 @@ struct Walker<'v, V> {
     path: Vec<PathStep>,
     document_steps: usize,
     keys: Vec<Rc<str>>,
+    /// Lists of fields that are empty and have room.
+    spare: Vec<Fields>,
 }
 
 impl<V: Visit> Walker<'_, V> {
@@ -297,7 +289,8 @@ impl<'de, V: Visit> Visitor<'de> for LeafSeed<'_, '_, V> {
 
     fn visit_map<A: MapAccess<'de>>(self, mut map: A) -> Result<JsonLeaf, A::Error> {
         let walker = self.walker;
-        walker.objects.push(Fields::default());
+        let fields = walker.spare.pop().unwrap_or_default();
+        walker.objects.push(fields);
         let held = walker.held;
         while let Some(key) = map.next_key_seed(KeySeed(walker))? {
             walker.path.push(PathStep::Key(Rc::clone(&key)));
@@ -311,7 +304,7 @@ impl<'de, V: Visit> Visitor<'de> for LeafSeed<'_, '_, V> {
             let fields = walker.objects.last_mut().expect("this object's fields");
             fields.0.push((key, value));
         }
-        let fields = walker.objects.pop().expect("this object's fields");
+        let mut fields = walker.objects.pop().expect("this object's fields");
         let around = Surroundings {
             objects: &walker.objects,
             path: &walker.path,
@@ -320,6 +313,8 @@ impl<'de, V: Visit> Visitor<'de> for LeafSeed<'_, '_, V> {
         let is_taken = walker.visit.is_full() || walker.visit.object(&around, &fields);
         if is_taken {
             walker.let_go(held);
+            fields.0.clear();
+            walker.spare.push(fields);
             return Ok(JsonLeaf::Taken);
         }
         Ok(JsonLeaf::Object(fields))
@@ -431,62 +426,5 @@ impl Surroundings<'_> {
     /// A fault at this place.
     pub(super) fn fault(&self, code: &'static str, detail: &str) -> Fault {
         at_pointer(self.pointer(), code, detail)
-    }
-}
-
-impl Fields {
-    /// The value of a field; none where it is `null`.
-    pub(super) fn get(&self, name: &str) -> Option<&JsonLeaf> {
-        let entry = self.0.iter().find(|(key, _)| &**key == name);
-        entry
-            .map(|(_, leaf)| leaf)
-            .filter(|leaf| **leaf != JsonLeaf::Null)
-    }
-
-    /// Whether there is a field of that name, even if it is `null`.
-    pub(super) fn has(&self, name: &str) -> bool {
-        self.0.iter().any(|(key, _)| &**key == name)
-    }
-}
-
-impl JsonLeaf {
-    /// The cell that the leaf is where a value is looked for.
-    pub(super) fn cell(&self) -> Cell<'_> {
-        match self {
-            Self::Null => Cell::Empty,
-            Self::Bool(value) => Cell::Bool(*value),
-            Self::Integer(value) => Cell::Integer(*value),
-            Self::Number(value) => Cell::Number(*value),
-            Self::Text(text) => Cell::Text(text),
-            Self::List(_) | Self::Taken => Cell::Other("an array"),
-            Self::Object(_) => Cell::Other("an object"),
-        }
-    }
-
-    /// The text that the leaf is.
-    pub(super) fn as_text(&self) -> Option<&str> {
-        match self {
-            Self::Text(text) => Some(text),
-            _ => None,
-        }
-    }
-
-    /// A text, or a number as one.
-    pub(super) fn text(&self) -> Option<String> {
-        match self {
-            Self::Text(text) => Some(text.clone()),
-            Self::Integer(number) => Some(number.to_string()),
-            _ => None,
-        }
-    }
-
-    /// Whether the leaf holds no others.
-    pub(super) fn is_scalar(&self) -> bool {
-        !matches!(self, Self::List(_) | Self::Object(_) | Self::Taken)
-    }
-
-    /// Whether the leaf is the boolean `true`.
-    pub(super) fn is_true(&self) -> bool {
-        *self == Self::Bool(true)
     }
 }

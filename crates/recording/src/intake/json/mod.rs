@@ -24,7 +24,7 @@ use node::DocumentTarget;
 use serde::de::DeserializeSeed;
 use serde_json::error::Category;
 use std::io::{BufReader, Read};
-pub(super) use tokens::PlainNumbers;
+pub(super) use tokens::{PlainNumbers, ReplacedNumbers, may_have_words};
 
 /// Reads a recording.
 ///

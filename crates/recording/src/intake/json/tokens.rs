@@ -1,12 +1,20 @@
 //! Numbers that are none, as Python and others write them into what is else JSON: `NaN`, `Infinity` and `-Infinity`.
 
 use crate::Warning;
+use memchr::memmem;
 use std::cell::Cell;
 use std::io::{self, Read};
 use std::rc::Rc;
 
 /// The words for numbers that are none.
 const WORDS: [&str; 3] = ["NaN", "Infinity", "-Infinity"];
+
+/// Whether a text has one of the words anywhere.
+pub(in crate::intake) fn may_have_words(text: &[u8]) -> bool {
+    // The third word has the second within.
+    let mut words = WORDS[..2].iter();
+    words.any(|word| memmem::find(text, word.as_bytes()).is_some())
+}
 
 /// A text of JSON in which `null` stands for each number that is none.
 pub(in crate::intake) struct PlainNumbers<R> {

@@ -46,6 +46,15 @@ impl Tag {
         }
     }
 
+    /// Makes samples missing whose values stand for none.
+    pub(super) fn leave_out_stand_ins(&mut self) {
+        let stand_ins = self.column.stand_ins();
+        let values = self.values.iter_mut();
+        for value in values.filter(|value| stand_ins.contains(value)) {
+            *value = f64::NAN;
+        }
+    }
+
     /// Sorts by instant and keeps one of the samples at an instant: the first of a recording, and of
     /// a batch of a stream the last that says something; those of instants that are told too coarsely
     /// are spread. Answers how many samples stood behind a later one, how many were dropped, and how

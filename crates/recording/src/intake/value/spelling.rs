@@ -102,3 +102,20 @@ pub(in crate::intake) fn is_in_thousands(text: &str, separator: char) -> bool {
     let mut rest = groups.peekable();
     begins && rest.peek().is_some() && rest.all(|group| group.len() == 3 && is_of_digits(group))
 }
+
+/// Whether commas stand in a whole number as in India: before the last three digits, and before each two above them.
+pub(in crate::intake) fn is_in_lakhs(text: &str) -> bool {
+    let mut groups = text.trim_start_matches(['-', '+']).rsplit(',');
+    let is_last = groups
+        .next()
+        .is_some_and(|last| last.len() == 3 && is_of_digits(last));
+    let groups: Vec<&str> = groups.collect();
+    let Some((first, between)) = groups.split_last() else {
+        return false;
+    };
+    let begins = (1..=2).contains(&first.len()) && !first.starts_with('0') && is_of_digits(first);
+    let are_pairs = between
+        .iter()
+        .all(|pair| pair.len() == 2 && is_of_digits(pair));
+    is_last && begins && are_pairs && !between.is_empty()
+}

@@ -68,12 +68,12 @@ fn described(bytes: &[u8]) -> Option<Vec<ArrowField>> {
     let message = bytes.strip_prefix(CONTINUATION).unwrap_or(bytes);
     // The length of the message stands before it.
     let message = message.get(4..)?;
-    let schema = Table::root(message)?.table(MESSAGE_HEADER)?;
+    let schema = BufferTable::root(message)?.table(MESSAGE_HEADER)?;
     let fields = schema.tables(SCHEMA_FIELDS)?;
     Some(fields.take(MOST_FIELDS).filter_map(field).collect())
 }
 
-fn field(field: Table<'_>) -> Option<ArrowField> {
+fn field(field: BufferTable<'_>) -> Option<ArrowField> {
     let pairs = field.tables(FIELD_METADATA).into_iter().flatten();
     let mut pairs = pairs.take(MOST_PAIRS);
     let unit = pairs.find_map(|pair| {
@@ -100,13 +100,13 @@ fn field(field: Table<'_>) -> Option<ArrowField> {
 
 /// A table of Flatbuffers.
 #[derive(Clone, Copy)]
-struct Table<'b> {
+struct BufferTable<'b> {
     bytes: &'b [u8],
     /// Where the table begins.
     begin: usize,
 }
 
-impl<'b> Table<'b> {
+impl<'b> BufferTable<'b> {
     /// The table at which a buffer begins.
     fn root(bytes: &'b [u8]) -> Option<Self> {
         Some(Self {
@@ -134,9 +134,9 @@ impl<'b> Table<'b> {
         self.bytes.get(self.place(field)?).copied()
     }
 
-    fn table(&self, field: usize) -> Option<Table<'b>> {
+    fn table(&self, field: usize) -> Option<BufferTable<'b>> {
         let begin = follow(self.bytes, self.place(field)?)?;
-        Some(Table { begin, ..*self })
+        Some(BufferTable { begin, ..*self })
     }
 
     fn text(&self, field: usize) -> Option<&'b str> {
@@ -147,7 +147,7 @@ impl<'b> Table<'b> {
     }
 
     /// The tables of a list.
-    fn tables(&self, field: usize) -> Option<impl Iterator<Item = Table<'b>> + use<'b>> {
+    fn tables(&self, field: usize) -> Option<impl Iterator<Item = BufferTable<'b>> + use<'b>> {
         let bytes = self.bytes;
         let begin = follow(bytes, self.place(field)?)?;
         let length = u32::from_le_bytes(*array(bytes, begin)?);
@@ -156,7 +156,7 @@ impl<'b> Table<'b> {
         let places = (0..offsets.len()).map(move |k| begin + 4 + 4 * k);
         Some(places.filter_map(move |place| {
             let begin = follow(bytes, place)?;
-            Some(Table { bytes, begin })
+            Some(BufferTable { bytes, begin })
         }))
     }
 }

@@ -3,8 +3,8 @@
 use super::super::super::csv::time_name_and_unit;
 use super::super::super::epochs::is_unix_time;
 use super::super::super::stamp;
+use super::super::leaf::{Fields, JsonLeaf};
 use super::super::time_names;
-use super::super::walk::{Fields, JsonLeaf};
 use super::keys::is_any;
 use jiff::Timestamp;
 use std::borrow::Cow;

@@ -1,8 +1,8 @@
 //! Columns that stand side by side in an object, as lists or as objects by the numbers of the rows.
 
 use super::super::super::csv::time_name_and_unit;
+use super::super::leaf::{Fields, JsonLeaf};
 use super::super::time_names;
-use super::super::walk::{Fields, JsonLeaf};
 use super::instants;
 use super::keys::is_any;
 use super::naming::is_holder;

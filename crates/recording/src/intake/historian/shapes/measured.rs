@@ -3,7 +3,7 @@
 use super::super::super::cell::Cell;
 use super::super::super::csv::ValueColumns;
 use super::super::super::value;
-use super::super::walk::{Fields, JsonLeaf};
+use super::super::leaf::{Fields, JsonLeaf};
 use super::instants;
 use super::keys::{is_any, is_called};
 use super::naming::{is_holder, is_label};

@@ -1,7 +1,7 @@
 //! Rows of several things in one list: a field of words that tells apart rows of one time, or takes turns.
 
 use super::super::super::error::at_pointer;
-use super::super::walk::JsonLeaf;
+use super::super::leaf::JsonLeaf;
 use super::naming::is_name_field;
 use greybox_numerics::parsing::Fault;
 use std::cmp::Ordering;

@@ -1,6 +1,7 @@
 //! The names of the samples at a place of a document, by the keys and the objects on the way there.
 
-use super::super::walk::{Fields, JsonLeaf, NestingLevel};
+use super::super::leaf::{Fields, JsonLeaf};
+use super::super::walk::NestingLevel;
 use super::instants;
 use super::keys::{is_any, is_called};
 

@@ -1,7 +1,8 @@
 //! Where in a document an object stands, and what is around it.
 
 use super::super::super::error::at_pointer;
-use super::super::walk::{Fields, NestingLevel, Surroundings};
+use super::super::leaf::Fields;
+use super::super::walk::{NestingLevel, Surroundings};
 use super::naming::LabelledName;
 use greybox_numerics::parsing::Fault;
 

@@ -3,8 +3,9 @@
 use super::super::super::cell::Cell;
 use super::super::super::csv::{LongColumns, ValueColumns};
 use super::super::super::tags::Tags;
+use super::super::leaf::{Fields, JsonLeaf};
 use super::super::time_names;
-use super::super::walk::{Fields, JsonLeaf, PathStep};
+use super::super::walk::PathStep;
 use super::instants;
 use super::keys::is_any;
 use super::measured::{self, MeasuredValue, ValueFields, values_of};

@@ -1,6 +1,6 @@
 //! Sensor measurement lists (RFC 8428): what the first records say is the base of those behind them.
 
-use super::super::walk::{Fields, JsonLeaf};
+use super::super::leaf::{Fields, JsonLeaf};
 
 /// The keys of a record; base values and sums are not read.
 const KEYS: [&str; 12] = [

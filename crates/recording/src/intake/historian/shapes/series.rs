@@ -4,7 +4,7 @@ use super::super::super::cell::Cell;
 use super::super::super::clock::Clock;
 use super::super::super::csv::time_name_and_unit;
 use super::super::super::tags::{Quality, RawSample, Tags};
-use super::super::walk::JsonLeaf;
+use super::super::leaf::JsonLeaf;
 use super::instants;
 use super::measured::MeasuredValue;
 use super::mixture::{self, MixedRows};

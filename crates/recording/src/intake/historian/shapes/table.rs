@@ -1,6 +1,7 @@
 //! Tables within a document: the names of their columns, and their rows.
 
-use super::super::walk::{Fields, JsonLeaf, PathStep};
+use super::super::leaf::{Fields, JsonLeaf};
+use super::super::walk::PathStep;
 use super::instants;
 use super::keys::{is_any, is_called};
 use super::measured::scalar_leaf;
