@@ -32,7 +32,10 @@ fn needed(method: &Method, path: &str) -> Option<Scope> {
     };
     if path == "/metrics" {
         Some(Scope::Read)
-    } else if Protocol::of_path(path).is_some() || (*method == Method::POST && is_stream(path)) {
+    } else if Protocol::of_path(path).is_some()
+        || (*method == Method::POST && is_stream(path))
+        || (*method == Method::PUT && below("/v1/sources"))
+    {
         Some(Scope::Append)
     } else if !below("/v1")
         || (path == session_cookie::PATH && *method == Method::POST)
@@ -162,6 +165,9 @@ mod tests {
             (Method::GET, "/ping", None),
             (Method::GET, "/health", None),
             (Method::POST, "/v1/streams/rig-4", Some(Scope::Append)),
+            (Method::PUT, "/v1/sources/hall", Some(Scope::Append)),
+            (Method::DELETE, "/v1/sources/hall", Some(Scope::Submit)),
+            (Method::GET, "/v1/sources", Some(Scope::Read)),
             (Method::GET, "/v1/streams/rig-4", Some(Scope::Read)),
             (Method::DELETE, "/v1/streams/rig-4", Some(Scope::Submit)),
             (

@@ -58,6 +58,7 @@ pub mod session_cookie;
 mod simulated;
 pub mod simulations;
 pub mod sinks;
+pub mod sources;
 mod spec_cache;
 mod spool;
 mod spreadsheet;

@@ -16,7 +16,7 @@ use super::{
     audit, authorise, candidates, changes, comparisons, dataset_samples, dataset_versions,
     datasets, demonstration, designs, disturbance, events, health, job_list, job_words, jobs,
     layouts, mappings, models, monitors, named_layouts, posterior, report, results, selections,
-    session, simulations, sinks, streams, submit, trajectory, verdict_rules, webhooks,
+    session, simulations, sinks, sources, streams, submit, trajectory, verdict_rules, webhooks,
 };
 
 /// Every resource of the service, with its description.
@@ -46,6 +46,8 @@ fn described() -> OpenApiRouter<ApiState> {
         .routes(routes!(streams::removal::remove_samples))
         .routes(routes!(mappings::list))
         .routes(routes!(mappings::put, mappings::show, mappings::remove))
+        .routes(routes!(sources::list))
+        .routes(routes!(sources::put, sources::show, sources::forget))
         .routes(routes!(sinks::write_influx_1))
         .routes(routes!(sinks::write_influx_2))
         .routes(routes!(sinks::omf::write_default))

@@ -19,7 +19,7 @@ use crate::event::EventHub;
 use crate::identity::Provider;
 use crate::store::{
     AuditLog, Comparisons, Damage, Datasets, Deliveries, Jobs, Layouts, Mappings, Monitors,
-    Results, Store, Streams, Webhooks,
+    Results, Sources, Store, Streams, Webhooks,
 };
 use greybox::identification::JobSpec;
 use greybox::identification::assemble::{ExperimentDisturbances, ExperimentTrajectory};
@@ -176,6 +176,7 @@ parts! {
     Mappings: store.mappings(),
     Monitors: store.monitors(),
     Results: store.results(),
+    Sources: store.sources(),
     Store: store,
     Streams: store.streams(),
     Webhooks: store.webhooks(),

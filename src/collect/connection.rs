@@ -1,6 +1,7 @@
 //! The kinds of sources, each with how it is reached.
 
 use super::error::CollectError;
+use super::flux::FluxBucket;
 use super::folder::Folder;
 use super::influx::Influx;
 use super::json_server::JsonServer;
@@ -14,8 +15,10 @@ use super::series::SourceSeries;
 pub enum SourceConnection {
     /// A PostgreSQL: tables, or the history of an Ignition gateway.
     Postgres(Box<Postgres>),
-    /// An InfluxDB.
+    /// An InfluxDB that is asked in InfluxQL.
     Influx(Influx),
+    /// An InfluxDB that is asked in Flux.
+    Flux(FluxBucket),
     /// A server that answers JSON.
     Json(JsonServer),
     /// A folder of files.
@@ -37,6 +40,7 @@ impl SourceConnection {
         match self {
             Self::Postgres(postgres) => postgres.read(series, stretch).await,
             Self::Influx(influx) => influx.read(series, stretch).await,
+            Self::Flux(bucket) => bucket.read(series, stretch).await,
             Self::Json(server) => server.read(series, stretch).await,
             Self::Folder(folder) => folder.read(series, stretch).await,
             Self::PiWebApi(pi) => pi.read(series, stretch).await,

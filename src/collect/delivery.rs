@@ -5,13 +5,14 @@ use std::time::Duration;
 
 use hyper::body::Bytes;
 use hyper::header::RETRY_AFTER;
-use hyper::{Response, StatusCode};
+use hyper::{Method, Response, StatusCode};
 use serde_json::Value;
 
 use super::endpoint::Endpoint;
 use super::error::CollectError;
 use super::page::SeriesPage;
 use super::series::SourceSeries;
+use crate::store::SourceState;
 
 /// What a page did to its stream.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
@@ -90,6 +91,25 @@ impl StreamDelivery {
             changed: count("changed"),
             remarks: remarks(&stored["report"]),
         })
+    }
+}
+
+impl StreamDelivery {
+    /// Says how a source is. What the server answers is of no use to the samples.
+    ///
+    /// # Errors
+    /// The server is not reached, or does not take it.
+    pub(super) async fn say(&self, source: &str, state: &SourceState) -> Result<(), CollectError> {
+        let url = self.server.address(&["v1", "sources", source]);
+        let body = serde_json::to_vec(state).unwrap_or_default();
+        let answer = self
+            .server
+            .send(Method::PUT, &url, "application/json", body.into());
+        let answer = answer.await.map_err(away)?;
+        match answer.status().is_success() {
+            true => Ok(()),
+            false => Err(refusal(&answer)),
+        }
     }
 }
 

@@ -72,6 +72,16 @@ impl Endpoint {
         })
     }
 
+    /// The server with its token said in the way of InfluxDB 2.
+    pub(super) fn with_influx_token(mut self) -> Self {
+        if let Some(Authorization(value)) = &mut self.authorization
+            && let Some(token) = value.strip_prefix("Bearer ")
+        {
+            *value = format!("Token {token}");
+        }
+        self
+    }
+
     /// The address below that of the server, without a query. Each part is one step of the path.
     pub(super) fn address(&self, parts: &[&str]) -> Url {
         let mut url = self.url.clone();
@@ -94,7 +104,18 @@ impl Endpoint {
         content_type: &str,
         body: Bytes,
     ) -> Result<Response<Bytes>, OutboundError> {
-        let request = outbound::request(Method::POST, url)
+        self.send(Method::POST, url, content_type, body).await
+    }
+
+    /// The answer to a body of a type that is sent by a method.
+    pub(super) async fn send(
+        &self,
+        method: Method,
+        url: &Url,
+        content_type: &str,
+        body: Bytes,
+    ) -> Result<Response<Bytes>, OutboundError> {
+        let request = outbound::request(method, url)
             .header(hyper::header::CONTENT_TYPE, content_type)
             .header(hyper::header::CONTENT_LENGTH, body.len());
         self.ask(url, request, body).await

@@ -43,6 +43,14 @@ impl CollectError {
         matches!(self, Self::PageTooLarge | Self::ServerRefuses(_))
     }
 
+    /// The refusal with the name of the file that is refused.
+    pub(super) fn of_file(self, file: &str) -> Self {
+        match self {
+            Self::SourceRefuses(why) => Self::SourceRefuses(format!("{file}: {why}")),
+            refusal => Self::ServerRefuses(format!("{file}: {refusal}")),
+        }
+    }
+
     /// The failure of a request to a source.
     pub(super) fn away(error: &OutboundError) -> Self {
         Self::SourceAway(error.to_string())

@@ -2,6 +2,7 @@
 
 use std::collections::BTreeMap;
 use std::fs::Metadata;
+use std::io::ErrorKind;
 use std::path::{Path, PathBuf};
 
 use jiff::{SignedDuration, Timestamp};
@@ -54,15 +55,26 @@ impl Folder {
                 .into_iter()
                 .find(|file| between.start < file.changed && file.changed <= between.end);
             let Some(file) = next else {
-                return Ok(SeriesPage::default());
+                return Ok::<_, std::io::Error>(SeriesPage::default());
             };
             let path = path.join(&file.name);
-            if std::fs::metadata(&path)?.len() > LARGEST_FILE {
-                let why = format!("the file has more than {LARGEST_FILE} bytes");
-                return Err(std::io::Error::other(why));
-            }
+            let is_too_large = std::fs::metadata(&path)?.len() > LARGEST_FILE;
+            let mut refusal =
+                is_too_large.then(|| format!("the file has more than {LARGEST_FILE} bytes"));
+            let body = match &refusal {
+                Some(_) => Vec::new(),
+                None => match std::fs::read(&path) {
+                    // A change of its rights is a change of the file, so that it is read then.
+                    Err(error) if error.kind() == ErrorKind::PermissionDenied => {
+                        refusal = Some(error.to_string());
+                        Vec::new()
+                    }
+                    read => read?,
+                },
+            };
             Ok(SeriesPage {
-                body: std::fs::read(&path)?,
+                body,
+                refusal,
                 content_type: type_of(&file.name),
                 rows: 0,
                 newest: Some(file.changed),

@@ -20,6 +20,8 @@ pub struct SeriesPage {
     pub newest: Option<Timestamp>,
     /// The name of the file.
     pub file: Option<String>,
+    /// Why the file is not read, which keeps no later file back.
+    pub refusal: Option<String>,
     /// How the server is to read the body, beside what the series says: options of a batch by their names.
     pub options: BTreeMap<&'static str, String>,
 }

@@ -8,6 +8,7 @@ use super::cursors::{Cursors, SeriesCursor};
 use super::delivery::{Stored, StreamDelivery};
 use super::error::CollectError;
 use super::page::{ReadStretch, SeriesPage};
+use super::reports::SourceReport;
 use super::series::SourceSeries;
 use super::sources_file::SampleSource;
 
@@ -34,6 +35,10 @@ pub(super) struct SeriesPass<'a> {
     /// The refusal of a file, which keeps no later file back.
     pub(super) refusal: Option<CollectError>,
     pub(super) brought: Brought,
+    /// The report in which the pass notes how far the series has come.
+    pub(super) report: &'a SourceReport,
+    /// The place of the series in the source.
+    pub(super) place: usize,
 }
 
 impl SeriesPass<'_> {
@@ -50,6 +55,7 @@ impl SeriesPass<'_> {
         let back_from = |instant: Timestamp, back: SignedDuration| {
             instant.checked_sub(back).unwrap_or(oldest).max(oldest)
         };
+        self.report.reached(self.place, cursor.reached);
         let begin = back_from(cursor.reached, source.overlap);
         let until = now.checked_add(AHEAD).unwrap_or(Timestamp::MAX);
         self.bring(begin..until, &mut cursor, now).await?;
@@ -76,7 +82,12 @@ impl SeriesPass<'_> {
         while let Some((page, newest)) = next {
             // The source writes the next page while the server stores this one.
             let further = self.read(newest..stretch.end);
-            let append = self.delivery.append(self.series, page.clone());
+            let append = async {
+                match &page.refusal {
+                    Some(why) => Err(CollectError::SourceRefuses(why.clone())),
+                    None => self.delivery.append(self.series, page.clone()).await,
+                }
+            };
             let (stored, further) = tokio::join!(append, further);
             if !self.count(&page, stored)? {
                 next = self.read(after..stretch.end).await?;
@@ -86,6 +97,7 @@ impl SeriesPass<'_> {
             // was set right lies before those samples.
             cursor.reached = cursor.reached.max(newest.min(now));
             self.cursors.put(&source.name, &key, *cursor).await?;
+            self.report.reached(self.place, cursor.reached);
             after = newest;
             tokio::time::sleep(source.pause).await;
             next = further?;
@@ -125,9 +137,8 @@ impl SeriesPass<'_> {
                 *self.rows = (*self.rows / 2).max(FEWEST_ROWS);
                 Ok(false)
             }
-            (Err(refusal), Some(file)) if refusal.is_for_good() => {
-                let why = format!("{file}: {refusal}");
-                self.refusal = Some(CollectError::ServerRefuses(why));
+            (Err(refusal), Some(file)) if refusal.is_refusal() => {
+                self.refusal = Some(refusal.of_file(file));
                 Ok(true)
             }
             (Err(error), _) => Err(error),

@@ -9,6 +9,7 @@ use super::cursors::Cursors;
 use super::delivery::StreamDelivery;
 use super::error::CollectError;
 use super::pass::{Brought, SeriesPass};
+use super::reports::SourceReport;
 use super::sources_file::SampleSource;
 
 /// The first wait after a failure; each further one is twice as long.
@@ -34,8 +35,13 @@ pub async fn collect(
 ) -> usize {
     let mut tasks = JoinSet::new();
     for source in sources {
-        let (cursors, delivery) = (cursors.clone(), delivery.clone());
-        tasks.spawn(follow(source, cursors, delivery, until));
+        let followed = FollowedSource {
+            report: SourceReport::of(&source),
+            source,
+            cursors: cursors.clone(),
+            delivery: delivery.clone(),
+        };
+        tasks.spawn(async move { followed.follow(until).await });
     }
     let mut failed = 0;
     while let Some(ended) = tasks.join_next().await {
@@ -45,52 +51,75 @@ pub async fn collect(
 }
 
 /// What a round over all series of a source came to.
-#[derive(Clone, Copy, Debug, Default)]
+#[derive(Clone, Debug, Default)]
 struct SourceRound {
     /// The series that failed.
     failures: usize,
-    /// Whether the source or the server was away: all series of the source wait then.
-    is_away: bool,
+    /// Why the source or the server was away: all series of the source wait then.
+    away: Option<String>,
     /// The wait that the server asks for.
     asked_wait: Option<Duration>,
 }
 
-/// Passes over all series of a source, again and again, and says how many failed in the last round.
-async fn follow(
+/// A source whose series are followed.
+struct FollowedSource {
     source: SampleSource,
     cursors: Cursors,
     delivery: StreamDelivery,
-    until: Until,
-) -> usize {
-    let mut rows: Vec<u32> = vec![source.page_rows; source.series.len()];
-    let mut told: Vec<BTreeSet<String>> = vec![BTreeSet::new(); source.series.len()];
-    let mut wait = SHORTEST_WAIT;
-    loop {
-        let mut round = SourceRound::default();
-        for (place, series) in source.series.iter().enumerate() {
-            let pass = SeriesPass {
-                source: &source,
-                series,
-                cursors: &cursors,
-                delivery: &delivery,
-                rows: &mut rows[place],
-                refusal: None,
-                brought: Brought::default(),
+    report: SourceReport,
+}
+
+impl FollowedSource {
+    /// Follows all series, tells the server meanwhile how the source is, and says how many series failed in the last
+    /// round.
+    async fn follow(&self, until: Until) -> usize {
+        let name = &self.source.name;
+        let failures = tokio::select! {
+            failures = self.pass_on(until) => failures,
+            never = self.report.tell_on(name, &self.delivery) => match never {},
+        };
+        self.report.tell(name, &self.delivery).await;
+        failures
+    }
+
+    /// Passes over all series again and again, and says how many failed in the last round.
+    async fn pass_on(&self, until: Until) -> usize {
+        let source = &self.source;
+        let mut rows: Vec<u32> = vec![source.page_rows; source.series.len()];
+        let mut told: Vec<BTreeSet<String>> = vec![BTreeSet::new(); source.series.len()];
+        let mut wait = SHORTEST_WAIT;
+        loop {
+            let mut round = SourceRound::default();
+            for (place, series) in source.series.iter().enumerate() {
+                let pass = SeriesPass {
+                    source,
+                    series,
+                    cursors: &self.cursors,
+                    delivery: &self.delivery,
+                    rows: &mut rows[place],
+                    refusal: None,
+                    brought: Brought::default(),
+                    report: &self.report,
+                    place,
+                };
+                let passed = passed(pass, &mut told[place]).await;
+                self.report.passed(place, passed.as_ref().err());
+                round.count(passed);
+            }
+            self.report.waits(round.away.clone());
+            if until == Until::CaughtUp {
+                return round.failures;
+            }
+            let pause = match round.away {
+                Some(_) => wait.max(round.asked_wait.unwrap_or_default()),
+                None => source.every,
             };
-            round.count(passed(pass, &mut told[place]).await);
+            wait = match round.away {
+                Some(_) => LONGEST_WAIT.min(wait * 2),
+                None => SHORTEST_WAIT,
+            };
+            tokio::time::sleep(pause).await;
         }
-        if until == Until::CaughtUp {
-            return round.failures;
-        }
-        let pause = match round.is_away {
-            true => wait.max(round.asked_wait.unwrap_or_default()),
-            false => source.every,
-        };
-        wait = match round.is_away {
-            true => LONGEST_WAIT.min(wait * 2),
-            false => SHORTEST_WAIT,
-        };
-        tokio::time::sleep(pause).await;
     }
 }
 
@@ -100,7 +129,9 @@ impl SourceRound {
             return;
         };
         self.failures += 1;
-        self.is_away |= !error.is_refusal();
+        if !error.is_refusal() {
+            self.away = Some(error.to_string());
+        }
         if let CollectError::ServerAway { after, .. } = error {
             self.asked_wait = self.asked_wait.max(after);
         }

@@ -38,6 +38,12 @@ impl SourceKind {
         })
     }
 
+    /// How a sources file names the kind.
+    pub(super) fn name(self) -> &'static str {
+        let entry = Self::NAMES.iter().find(|(_, kind)| *kind == self);
+        entry.map_or("", |(name, _)| name)
+    }
+
     /// The entries of a source of this kind alone.
     pub(super) fn entries(self) -> &'static [&'static str] {
         match self {
@@ -50,6 +56,8 @@ impl SourceKind {
                 "ca",
                 "database",
                 "retention",
+                "organization",
+                "bucket",
             ],
             Self::PiWebApi | Self::Json => &endpoint::ENTRIES,
             Self::Files => &["folder", "rest_s"],

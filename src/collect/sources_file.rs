@@ -9,6 +9,7 @@ use super::connection::SourceConnection;
 use super::delivery::StreamDelivery;
 use super::document::{SourcesDocument, SourcesFault, SourcesTable};
 use super::endpoint::{self, Endpoint};
+use super::flux::FluxBucket;
 use super::folder::Folder;
 use super::influx::Influx;
 use super::json_server::JsonServer;
@@ -45,6 +46,8 @@ const ENTRIES: [&str; 9] = [
 pub struct SampleSource {
     /// How logs and cursors call the source.
     pub name: String,
+    /// The kind of the source, as the file names it.
+    pub kind: &'static str,
     /// Older samples are not read.
     pub from: Timestamp,
     /// How long the source is left alone between passes.
@@ -146,6 +149,7 @@ fn source(table: &mut SourcesTable, folder: &Path) -> Option<SampleSource> {
     let duration = SignedDuration::from_secs_f64;
     Some(SampleSource {
         name: name?,
+        kind: kind.name(),
         from: from?,
         every: Duration::from_secs_f64(every),
         overlap: duration(overlap),
@@ -155,6 +159,37 @@ fn source(table: &mut SourcesTable, folder: &Path) -> Option<SampleSource> {
         connection: connection?,
         series: series.into_iter().collect::<Option<_>>()?,
     })
+}
+
+/// An InfluxDB: a database that is asked in InfluxQL, or a bucket of an organization that is asked in Flux.
+fn influx(table: &mut SourcesTable, server: Option<Endpoint>) -> Option<SourceConnection> {
+    let retention = table.text("retention");
+    let organization = table.text("organization");
+    let Some(bucket) = table.text("bucket") else {
+        if organization.is_some() {
+            table.fault("`organization` belongs to a `bucket`");
+        }
+        let database = table.required("database", SourcesTable::text);
+        return Some(SourceConnection::Influx(Influx {
+            server: server?,
+            database: database?,
+            retention,
+        }));
+    };
+    if retention.is_some() || table.text("database").is_some() {
+        table.fault(
+            "a `bucket` is asked in Flux, and a `database` with its `retention` in InfluxQL",
+        );
+    }
+    let Some(organization) = organization else {
+        table.fault("a `bucket` belongs to an `organization`");
+        return None;
+    };
+    Some(SourceConnection::Flux(FluxBucket {
+        server: server?.with_influx_token(),
+        organization,
+        bucket,
+    }))
 }
 
 fn connection(
@@ -169,13 +204,7 @@ fn connection(
         }
         SourceKind::Influx => {
             let server = Endpoint::take(table, folder);
-            let database = table.required("database", SourcesTable::text);
-            let retention = table.text("retention");
-            Some(SourceConnection::Influx(Influx {
-                server: server?,
-                database: database?,
-                retention,
-            }))
+            influx(table, server)
         }
         SourceKind::Files => {
             let rest = table.seconds("rest_s", 0.0).unwrap_or(REST_S);

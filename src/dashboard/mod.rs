@@ -134,7 +134,7 @@ fn embedded() -> impl IntoIterator<Item = Asset> { assets! {
     "new": "draft.js" "fields.js" "job.css" "job.js" "measurement.js" "model.js" "parameters.js" "preflight.js"
         "recordings.js" "search.js" "trial.js" "version.js";
     "plant": "access.js" "agents.js" "audit.js" "entries.js" "fields.js" "find.js" "head.js" "instants.js" "mapping.js"
-        "monitor.js" "monitors.js" "paged.js" "part.js" "places.js" "plan.js" "plant.css" "rules.js" "samples.js"
+        "monitor.js" "monitors.js" "paged.js" "part.js" "places.js" "plan.js" "plant.css" "rules.js" "samples.js" "sources.js"
         "starts.js" "stream.js" "streams.js" "trend.js" "watch.js" "webhooks.js" "windows.js";
     "plot": "axes.js" "clock.js" "group.js" "legend.js" "math.js" "plot.css" "plot.js" "save.js" "theme.js" "units.js"
         "whiskers.js";

@@ -16,7 +16,7 @@ const BYTES_TOGETHER: usize = 1 << 20;
 const ROWS_TOGETHER: usize = 100;
 
 /// What is copied; a table comes after those that its rows belong to.
-pub(super) const TABLES: [&str; 37] = [
+pub(super) const TABLES: [&str; 38] = [
     "jobs",
     "job_labels",
     "job_datasets",
@@ -43,6 +43,7 @@ pub(super) const TABLES: [&str; 37] = [
     "monitor_events",
     "layouts",
     "mappings",
+    "sources",
     "unmapped_series",
     "omf_definitions",
     "tokens",

@@ -36,6 +36,7 @@ use super::row_cache::RowCache;
 use super::sessions::Sessions;
 use super::shared_database::Database;
 use super::slices::Slices;
+use super::sources::Sources;
 use super::streams::Streams;
 use super::submit::Submissions;
 use super::tokens::Tokens;
@@ -127,6 +128,8 @@ handles! {
     sessions: Sessions,
     /// Slices of jobs.
     slices: Slices,
+    /// What collectors say of their sources.
+    sources: Sources,
     /// Recordings that grow.
     streams: Streams,
     /// Tokens.

@@ -60,6 +60,7 @@ mod secret_keys;
 mod sessions;
 mod shared_database;
 mod slices;
+mod sources;
 mod stop_request;
 mod stored_bytes;
 mod streams;
@@ -110,6 +111,7 @@ pub use sealed::check::Checked;
 pub use secret_keys::{InvalidSecretKeys, SecretKeys};
 pub use sessions::{NewHolder, PersonRow, SessionHolder, Sessions};
 pub use slices::{Begin, Ending, HandedOn, Hold, Lease, Record, Reported, Slice, Slices};
+pub use sources::{MAX_SOURCES, SeriesState, SourceRow, SourceState, Sources};
 pub use stop_request::StopRequest;
 pub use stored_bytes::StoredBytes;
 pub use streams::{

@@ -48,6 +48,22 @@ function windowsCsv(numbers) {
   return `time,drive_force [N],position [m]\n${rows.join("\n")}\n`;
 }
 
+// Says of a source what its collector would say.
+async function say(name, { away = null, fault = null }) {
+  const series = [
+    { series: "process.press", stream: "press-4", reached: "2026-03-02T08:15:19Z", fault: null },
+    { series: "process.pump (tag=PT-101)", stream: "press-5", reached: null, fault },
+  ];
+  const answer = await fetch(`${base}/v1/sources/${encodeURIComponent(name)}`, {
+    method: "PUT",
+    headers: { "content-type": "application/json" },
+    body: JSON.stringify({ kind: "postgresql", every_s: 60, away, series }),
+  });
+  assert.equal(answer.status, 204);
+}
+
+const forget = (name) => fetch(`${base}/v1/sources/${encodeURIComponent(name)}`, { method: "DELETE" });
+
 const fill = (...numbers) => post(`/v1/streams/${shared.stream}`, windowsCsv(numbers), "text/csv");
 
 before(async () => {
@@ -382,9 +398,27 @@ test("the audit log shows a refusal and is searched", { skip }, async () => {
   await page.close();
 });
 
+test("a source shows how far its series have come and why one stands", { skip }, async () => {
+  const name = `press hall ${Date.now()}`;
+  await say(name, { fault: "the source refuses: there is no table" });
+  const page = await open("/#/plant/sources");
+  await says(page, "a series is refused");
+  await says(page, `Series of ${name}, 1 of 2 stand`);
+  await says(page, "the source refuses: there is no table");
+  const answer = await (await fetch(`${base}/v1/sources/${encodeURIComponent(name)}`)).json();
+  const reached = await page.$eval(`[data-name='${name}'] time`, (element) => element.dateTime);
+  assert.equal(Date.parse(reached), Date.parse(answer.series[0].reached));
+  await press(page, "press-4");
+  await page.waitForFunction(() => location.hash === "#/plant/streams/press-4", PATIENCE);
+  await page.close();
+  await forget(name);
+});
+
 test("every page about the plant is accessible, fits its width and makes no fault", { skip }, async () => {
   const { id: webhook } = await post("/v1/webhooks", { url: RECEIVER });
   const mapping = await mappingWithSeries();
+  const source = `rig ${Date.now()}`;
+  await say(source, { away: "the source is not reached: nothing came in 120 s" });
   const pages = {
     monitors: "/#/plant",
     monitor: `/#/plant/monitors/${shared.monitor}`,
@@ -394,6 +428,7 @@ test("every page about the plant is accessible, fits its width and makes no faul
     selection: `/#/jobs/${shared.selection}`,
     agents: "/#/plant/agents",
     mapping: `/#/plant/agents/${mapping}`,
+    sources: "/#/plant/sources",
     streams: "/#/plant/streams",
     stream: `/#/plant/streams/${shared.stream}`,
     webhooks: "/#/plant/webhooks",
@@ -409,6 +444,7 @@ test("every page about the plant is accessible, fits its width and makes no faul
   }
   await fetch(`${base}/v1/webhooks/${webhook}`, { method: "DELETE" });
   await fetch(`${base}/v1/mappings/${mapping}`, { method: "DELETE" });
+  await forget(source);
   assert.deepEqual(faults, []);
 });
 

@@ -1,7 +1,7 @@
 // The tests sign in, in a browser, to a server that asks who calls.
 //
-// GREYBOX_TOKEN is the secret of a token `operator` of the project `hall-2` with the scope `submit`;
-// the variables that name the server and the browser are described in server.mjs and browser.mjs.
+// GREYBOX_TOKEN is the secret of a token `operator` of the project `hall-2` with the scope `submit`,
+// GREYBOX_READER_TOKEN that of a token `reader` of this project with the scope `read`; the variables that name the server and the browser are described in server.mjs and browser.mjs.
 
 import assert from "node:assert/strict";
 import { after, before, test } from "node:test";
@@ -9,7 +9,11 @@ import { launch, PATIENCE, tools } from "./browser.mjs";
 import { base } from "./server.mjs";
 
 const token = process.env.GREYBOX_TOKEN;
-const skip = base && token && tools ? false : "GREYBOX_URL, GREYBOX_TOKEN and PAGE_TOOLS are not set";
+const readerToken = process.env.GREYBOX_READER_TOKEN;
+const skip =
+  base && token && readerToken && tools
+    ? false
+    : "GREYBOX_URL, GREYBOX_TOKEN, GREYBOX_READER_TOKEN and PAGE_TOOLS are not set";
 const shared = { browser: null, checker: null, page: null };
 
 const says = (words) =>
@@ -130,4 +134,35 @@ test("the list asks for jobs while it asks for the session, and again once a per
   await sign(token);
   await heading("Jobs");
   await says("Try it with the demonstration rig");
+});
+
+test("who may only read is offered nothing that changes something", { skip }, async () => {
+  const page = await shared.browser.newPage();
+  await page.goto(`${base}/#/jobs`, { waitUntil: "domcontentloaded" });
+  // The lists are drawn for whoever signed in before, and then for the reader.
+  const offered = async (path, title) => {
+    await page.evaluate((path) => {
+      location.hash = path;
+    }, path);
+    await page.waitForFunction(
+      (text) => document.querySelector("h1")?.textContent === text && document.body.dataset.scope,
+      PATIENCE,
+      title,
+    );
+    return page.$$eval(
+      ".for-writers, .danger",
+      (parts) => parts.map((part) => part.checkVisibility()).filter(Boolean).length,
+    );
+  };
+  await page.waitForFunction(() => document.body.dataset.scope === "submit", PATIENCE);
+  assert.ok((await offered("/datasets", "Datasets")) > 1);
+  assert.ok((await offered("/jobs", "Jobs")) > 1);
+  await page.evaluate(() => document.querySelector("#who button").click());
+  await page.waitForSelector("form.sign-in input", PATIENCE);
+  await page.type("form.sign-in input", readerToken);
+  await page.keyboard.press("Enter");
+  await page.waitForFunction(() => document.body.dataset.scope === "read", PATIENCE);
+  assert.equal(await offered("/datasets", "Datasets"), 0);
+  assert.equal(await offered("/jobs", "Jobs"), 0);
+  await page.close();
 });

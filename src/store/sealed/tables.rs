@@ -372,6 +372,14 @@ pub(in crate::store) const LAYOUTS: Sealed = Sealed {
     seal: "seal",
 };
 
+pub(in crate::store) const SOURCES: Sealed = Sealed {
+    what: "source",
+    table: "sources",
+    key: &[Text("project"), Text("name")],
+    content: &[Text("state"), Text("first_heard_at"), Text("heard_at")],
+    seal: "seal",
+};
+
 /// What of a token changes.
 pub(in crate::store) const TOKEN_STATES: Sealed = Sealed {
     what: "state",

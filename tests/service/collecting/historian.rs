@@ -4,9 +4,9 @@ use std::sync::{Arc, Mutex};
 
 use axum::Json;
 use axum::extract::{Query, State};
-use axum::http::StatusCode;
+use axum::http::{HeaderMap, StatusCode};
 use axum::response::{IntoResponse, Response};
-use axum::routing::{Router, get};
+use axum::routing::{Router, get, post};
 use jiff::Timestamp;
 use serde::Deserialize;
 use serde_json::{Value, json};
@@ -72,6 +72,12 @@ impl Historian {
             .route("/piwebapi/points", get(point))
             .route("/piwebapi/streams/{id}/recorded", get(recorded));
         format!("{}/piwebapi", listen(routes.with_state(self.clone())).await)
+    }
+
+    /// Listens as an InfluxDB 2 that is asked in Flux, and says at which address.
+    pub async fn as_flux(&self) -> String {
+        let routes = Router::new().route("/api/v2/query", post(flux));
+        listen(routes.with_state(self.clone())).await
     }
 
     /// Listens as an InfluxDB, and says at which address.
@@ -176,6 +182,60 @@ async fn query(State(historian): State<Historian>, Query(asked): Query<InfluxQue
     let halls = halls.filter(|hall| wanted.is_none_or(|wanted| wanted == *hall));
     let series: Vec<Value> = halls.filter_map(series).collect();
     Json(json!({"results": [{"statement_id": 0, "series": series}]})).into_response()
+}
+
+/// The text behind a part of a query of Flux, up to the next sign of its end.
+fn text_behind<'q>(query: &'q str, part: &str, ends: &[char]) -> &'q str {
+    let behind = query.split_once(part).expect(query).1;
+    behind.split(ends).next().unwrap()
+}
+
+/// A field of a row as annotated CSV has it.
+fn flux_cell(value: &Value) -> String {
+    match value {
+        Value::String(text) => text.clone(),
+        value => value.to_string(),
+    }
+}
+
+/// Answers as InfluxDB 2 does: a table for each combination of tags, sorted by instants, the lines ended as on the
+/// network.
+async fn flux(
+    State(historian): State<Historian>,
+    headers: HeaderMap,
+    Json(asked): Json<Value>,
+) -> Response {
+    if headers
+        .get("authorization")
+        .is_none_or(|token| token != "Token secret")
+    {
+        let body = Json(json!({"code": "unauthorized", "message": "unauthorized access"}));
+        return (StatusCode::UNAUTHORIZED, body).into_response();
+    }
+    let query = asked["query"].as_str().unwrap();
+    assert_eq!(text_behind(query, "from(bucket: ", &[')']), "\"plant\"");
+    let start: Timestamp = text_behind(query, "start: ", &[',']).parse().unwrap();
+    let stop: Timestamp = text_behind(query, "stop: ", &[')']).parse().unwrap();
+    let rows: usize = text_behind(query, "limit(n: ", &[')']).parse().unwrap();
+    let wanted = query.contains("r[\"hall\"] == \"2\"").then_some("2");
+    let held = historian.change(|held| held.events.clone());
+    let mut answer = String::new();
+    let halls = ["2", "3"].into_iter();
+    let halls = halls.filter(|hall| wanted.is_none_or(|wanted| wanted == *hall));
+    for (table, hall) in halls.enumerate() {
+        answer += ",result,table,_start,_stop,_time,_measurement,hall,position\r\n";
+        let of_hall = held.iter().filter(|event| event.hall == hall);
+        let between = of_hall.filter(|event| (start..stop).contains(&event.instant));
+        for event in between.take(rows) {
+            let value = flux_cell(&event.value);
+            answer += &format!(
+                ",_result,{table},{start},{stop},{},rig,{hall},{value}\r\n",
+                event.instant
+            );
+        }
+        answer += "\r\n";
+    }
+    ([("content-type", "text/csv; charset=utf-8")], answer).into_response()
 }
 
 #[derive(Deserialize)]

@@ -1,6 +1,7 @@
 //! `greybox collect`: samples that historians hold come into streams, whole and once, whatever fails on the way.
 
 mod historian;
+mod reports;
 mod tables;
 
 use std::path::Path;
@@ -279,6 +280,52 @@ async fn rows_of_influx_come_in_pages_and_two_plants_are_never_mixed() {
 }
 
 #[tokio::test(flavor = "multi_thread")]
+async fn rows_of_a_bucket_come_in_pages_and_two_plants_are_never_mixed() {
+    let app = TestApp::start().await;
+    let mut events = seconds(0..25);
+    events[7].value = json!(true);
+    events.extend(
+        seconds(3..5)
+            .into_iter()
+            .map(|event| historian::Event { hall: "3", ..event }),
+    );
+    let influx = Historian::holding(events, 1000);
+    let address = influx.as_flux().await;
+    let sources = |filter: &str, entries: &str| {
+        format!(
+            "[[source]]\nname = \"influx\"\nkind = \"influxdb\"\nurl = \"{address}\"\n{entries}\
+             from = 2026-03-01T00:00:00Z\npage_rows = 10\n[[source.series]]\nstream = \"rig-4\"\n\
+             measurement = \"rig\"\n{filter}signals = {{ position = {{ unit = \"m\" }} }}\n"
+        )
+    };
+    let bucket = "organization = \"works\"\nbucket = \"plant\"\ntoken = { file = \"token\" }\n";
+    let collector = |text: &str| {
+        let collector = Collector::of(&app, text);
+        std::fs::write(collector.folder.path().join("token"), "secret\n").unwrap();
+        collector
+    };
+    let mixed = collector(&sources("", bucket));
+    assert_eq!(mixed.once().await, 1);
+    let refusal = mixed.refusal().await;
+    assert!(refusal.contains("hall=2 and hall=3"), "{refusal}");
+    let of_one = collector(&sources("where = { hall = \"2\" }\n", bucket));
+    assert_eq!(of_one.once().await, 0);
+    let stored = samples(&app, "rig-4", "position").await;
+    let value = |second: u32| if second == 7 { 1.0 } else { f64::from(second) };
+    let expected = (0..25).map(|second| (f64::from(second), json!(value(second))));
+    assert_eq!(stored, expected.collect::<Vec<_>>());
+    influx.change(|held| held.events[0].value = json!("broken"));
+    assert!(of_one.refusal().await.contains("is a text"));
+    let unnamed = sources("", "bucket = \"plant\"\n");
+    let faults = SourcesFile::read(
+        &format!("[server]\nurl = \"{address}\"\n{unnamed}"),
+        ".".as_ref(),
+    );
+    let told = faults.expect_err("an organization is missing")[0].to_string();
+    assert!(told.contains("belongs to an `organization`"), "{told}");
+}
+
+#[tokio::test(flavor = "multi_thread")]
 async fn files_come_in_their_order_again_when_they_change_and_a_bad_one_keeps_none_back() {
     let app = TestApp::start().await;
     let layout = json!({"options": {"decimal": ",", "tz": "Europe/Berlin", "units": "p:bar"}});
@@ -291,6 +338,8 @@ async fn files_come_in_their_order_again_when_they_change_and_a_bad_one_keeps_no
     };
     write("a.csv", &rows(9, "1,5"));
     write("b.csv", "Zeit;p\nyesterday;1,5\n");
+    let large = std::fs::File::create(exports.path().join("b2.csv")).unwrap();
+    large.set_len((1 << 30) + 1).unwrap();
     write("c.csv", &rows(10, "3,5"));
     write("d.csv.part", &rows(11, "4,5"));
     let sources = format!(
@@ -300,11 +349,12 @@ async fn files_come_in_their_order_again_when_they_change_and_a_bad_one_keeps_no
         exports.path().display()
     );
     let collector = Collector::of(&app, &sources);
-    assert_eq!(collector.once().await, 1, "b.csv is refused");
+    assert_eq!(collector.once().await, 1, "b.csv and b2.csv are refused");
     let stored = samples(&app, "rig-4", "p").await;
     let expected = [(0.0, 1.5e5), (1.0, 2.5e5), (3600.0, 3.5e5), (3601.0, 2.5e5)];
     let expected = expected.map(|(time, value)| (time, json!(value)));
     assert_eq!(stored, expected);
+    std::fs::remove_file(exports.path().join("b2.csv")).unwrap();
     write("b.csv", &rows(12, "6,5"));
     assert_eq!(collector.once().await, 0);
     let stored = samples(&app, "rig-4", "p").await;

@@ -150,7 +150,7 @@ function datasetParts(view, dataset, outcome) {
 // The windows that are chosen on the page of a recording become the experiments of a new job.
 function windowsOfNewJob(view, dataset, marking) {
   const windows = [];
-  const start = h("a", { class: "button primary", href: `#/new?dataset=${dataset.id}` });
+  const start = h("a", { class: "button primary for-writers", href: `#/new?dataset=${dataset.id}` });
   const draw = () => {
     chooser.draw(windows, (k) => `Window ${k + 1}`);
     chooser.shade();

@@ -24,7 +24,12 @@ export function qualityList(warnings, { show, mark }) {
       "span",
       { class: "row-actions" },
       spans.length > 0 && showing(spans, about, (span) => show(span, name)),
-      canBeMarked(warning) && smallButton("Mark", `Mark ${about}`, () => mark(buttons, marked)),
+      canBeMarked(warning) &&
+        h(
+          "span",
+          { class: "for-writers" },
+          smallButton("Mark", `Mark ${about}`, () => mark(buttons, marked)),
+        ),
     );
     list.children[k].append(" ", buttons);
   });

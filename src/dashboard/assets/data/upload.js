@@ -112,7 +112,13 @@ export function uploader(view, stored) {
   };
   const form = h(
     "form",
-    { class: "panel drop", onsubmit: submit, ondrop: drop, ondragover: over(true), ondragleave: over(false) },
+    {
+      class: "panel drop for-writers",
+      onsubmit: submit,
+      ondrop: drop,
+      ondragover: over(true),
+      ondragleave: over(false),
+    },
     h(
       "div",
       { class: "fields" },

@@ -42,7 +42,7 @@ export class MarksPart {
     this.list = h("div", { class: "marks" });
     this.begin = h("button", { type: "button", onclick: () => begin(this.actions) }, "Mark a stretch");
     this.undo = h("button", { type: "button", onclick: () => this.act(() => this.takeBack()) });
-    this.actions = h("div", { class: "actions" }, this.begin, this.undo);
+    this.actions = h("div", { class: "actions for-writers" }, this.begin, this.undo);
     this.summary = h("summary", {});
     this.earlier = h("details", {}, this.summary);
     this.element = h(

@@ -11,7 +11,7 @@ import { FOLLOWS } from "../shell/prepared.js";
 
 /** @typedef {import("page/api").Schemas["Outcome"]} Outcome */
 
-// So many jobs of a line are shown; further ones are reached from the first that is shown.
+// A line shows this many jobs; further ones are reached from the first that is shown.
 const MOST_ANCESTORS = 6;
 const COLUMNS = [
   { title: "Parameter" },

@@ -11,7 +11,7 @@ import { readable } from "./reading.js";
 /** @typedef {import("page/api").Schemas["BudgetLine"]} BudgetLine */
 /** @typedef {{ source: string, look: string, share: number, detail: string }} Share */
 
-// So many assumptions have a colour; the others are listed by name in one part.
+// A colour is given to this many assumptions; all further ones are listed by name in one part.
 const MOST_NAMED = 10;
 const LEAST_NAMED = 0.01;
 const LEAST_DRAWN = 0.001;

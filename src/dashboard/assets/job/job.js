@@ -261,14 +261,16 @@ function buttons(job, feed, outcome) {
     }
   };
   const name = (action) => action[0].toUpperCase() + action.slice(1);
-  const link = (label, href) => h("a", { class: "button", href }, label);
+  const link = (label, href) => h("a", { class: "button for-writers", href }, label);
   const estimates = job.kind === "identification";
   return [
-    ...job.actions.map((action) => button(name(action), act(action))),
+    ...job.actions.map((action) => button(name(action), act(action), "for-writers")),
     estimates && link("Use as template", `#/new?from=${job.id}`),
     estimates && link("Watch a stream", `#/plant/monitors/new?job=${job.id}`),
     estimates && isFinished(job) && link("Find windows in a stream", `#/plant/windows/new?job=${job.id}`),
-    estimates && isFinished(job) && button("Compare methods", () => compareMethods(feed.job, outcome)),
+    estimates &&
+      isFinished(job) &&
+      button("Compare methods", () => compareMethods(feed.job, outcome), "for-writers"),
     isFinished(job) && button("Delete", remove, "danger"),
   ].filter(Boolean);
 }

@@ -81,7 +81,7 @@ export class BulkActions {
     this.opener.setAttribute("aria-expanded", "false");
     this.element = h(
       "span",
-      { class: "actions" },
+      { class: "actions for-writers" },
       this.buttons.map((entry) => entry.button),
     );
     this.form = this.labelForm();

@@ -53,7 +53,7 @@ export function showJobs(view) {
       "div",
       { class: "title" },
       h("h1", { tabindex: "-1" }, "Jobs"),
-      h("a", { class: "button primary", href: "#/new" }, "New job"),
+      h("a", { class: "button primary for-writers", href: "#/new" }, "New job"),
       list.compare,
       list.bulk.element,
       list.connection,

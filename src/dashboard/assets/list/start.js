@@ -16,7 +16,7 @@ export function startPanel(view) {
     "button",
     {
       type: "button",
-      class: "primary",
+      class: "primary for-writers",
       onclick: async () => {
         button.disabled = true;
         outcome.clear();
@@ -46,7 +46,7 @@ export function startPanel(view) {
       "div",
       { class: "actions" },
       button,
-      h("a", { class: "button", href: "#/new" }, "Begin with your own file"),
+      h("a", { class: "button for-writers", href: "#/new" }, "Begin with your own file"),
       h("a", { class: "button", href: "/docs/start" }, "Read how it works"),
       state,
     ),

@@ -211,11 +211,15 @@ class MonitorPage {
     return h(
       "div",
       { class: "actions" },
-      h("a", { class: "button", href: `#/plant/monitors/new?monitor=${this.id}` }, "Use as template"),
+      h(
+        "a",
+        { class: "button for-writers", href: `#/plant/monitors/new?monitor=${this.id}` },
+        "Use as template",
+      ),
       h("button", { type: "button", class: "danger", onclick: () => this.end() }, "End this monitor"),
       h(
         "details",
-        { class: "move" },
+        { class: "move for-writers" },
         h("summary", {}, "Go on with another window"),
         h(
           "form",

@@ -90,8 +90,16 @@ class StreamPage {
       h(
         "div",
         { class: "actions" },
-        h("a", { class: "button", href: `#/plant/monitors/new${ofStream}` }, "Watch it with a monitor"),
-        h("a", { class: "button", href: `#/plant/windows/new${ofStream}` }, "Find windows for a job"),
+        h(
+          "a",
+          { class: "button for-writers", href: `#/plant/monitors/new${ofStream}` },
+          "Watch it with a monitor",
+        ),
+        h(
+          "a",
+          { class: "button for-writers", href: `#/plant/windows/new${ofStream}` },
+          "Find windows for a job",
+        ),
         h(
           "button",
           { type: "button", class: "danger", onclick: () => this.removeStream() },
@@ -114,8 +122,8 @@ class StreamPage {
       h(
         "div",
         { class: "panel fields" },
-        h("label", {}, "Name of the recording", name),
-        button("Cut a recording from this part", () => this.cut(name.value.trim())),
+        h("label", { class: "for-writers" }, "Name of the recording", name),
+        button("Cut a recording from this part", () => this.cut(name.value.trim()), "for-writers"),
         button("Download the part as CSV", () => this.saveCsv()),
         button("Remove these samples", () => this.removePart(), "danger"),
       ),

@@ -26,6 +26,7 @@ const VIEWS = [
   [/^\/plant\/streams$/, () => import("../plant/streams.js"), "showStreams"],
   [/^\/plant\/streams\/([^/]+)$/, () => import("../plant/stream.js"), "showStream"],
   [/^\/plant\/windows\/new$/, () => import("../plant/find.js"), "showFindWindows"],
+  [/^\/plant\/sources$/, () => import("../plant/sources.js"), "showSources"],
   [/^\/plant\/agents$/, () => import("../plant/agents.js"), "showAgents"],
   [/^\/plant\/agents\/([^/]+)$/, () => import("../plant/mapping.js"), "showMapping"],
   [/^\/plant\/webhooks$/, () => import("../plant/webhooks.js"), "showWebhooks"],

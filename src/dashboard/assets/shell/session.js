@@ -44,8 +44,10 @@ function goBack() {
   }
 }
 
+// The style hides what is for writers, of class `for-writers` or `danger`, from a reader who may only look.
 function greet(session) {
   bringCsrfToken(session?.csrf_token ?? null);
+  document.body.dataset.scope = session?.scope ?? "";
   const isPerson = session && session.who !== "local";
   const out = session?.csrf_token && h("button", { type: "button", onclick: signOut }, "Sign out");
   document
