@@ -58,6 +58,7 @@ def full(options):
 
 def slow(options):
     """Many clients that send or read nothing for long, one kind after the other."""
+    seconds = options.seconds or 6
     clients = options.count or 1000
     soft, hard = resource.getrlimit(resource.RLIMIT_NOFILE)
     resource.setrlimit(resource.RLIMIT_NOFILE, (min(hard, max(soft, 2 * clients + 200)), hard))
@@ -82,7 +83,7 @@ def slow(options):
         def speed():
             """Generations a second of the job, and the times of others' requests, over a few seconds."""
             began, first, times = time.monotonic(), client.show(work)["progress"]["generation"], []
-            while time.monotonic() - began < options.seconds:
+            while time.monotonic() - began < seconds:
                 at = time.monotonic()
                 path = random.choice(["/v1/jobs?limit=5", f"/v1/jobs/{ended}/result", "/v1/models"])
                 if random.random() < 0.2:
@@ -107,7 +108,7 @@ def slow(options):
                 sockets.append(own)
             # What they ask at first is work; that they are slow is looked at after it.
             at_once, came = speed()
-            time.sleep(options.seconds)
+            time.sleep(seconds)
             during, times = speed()
             for own in sockets:
                 own.close()

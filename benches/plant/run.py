@@ -5,7 +5,8 @@
 
 Each prints a line of figures; the status is 1 where one is not what was promised. It needs nothing beyond
 Python itself and Linux; those whose names begin with `nodes` or `collect` need a PostgreSQL, and `bytes` uses one where
-there is one; those that begin with `collect` use an InfluxDB 1 where there is one. Servers listen on loopback, with
+there is one; those that begin with `collect` use an InfluxDB 1 where there is one; those that begin with `node_red` need Node-RED and
+asyncua in the folder of `--tools`. Servers listen on loopback, with
 databases of their own in the folder for temporary files.
 """
 
@@ -18,6 +19,7 @@ import bytes as changed_bytes
 import collect
 import collect_speed
 import kept
+import node_red
 import nodes
 import outside
 import overlap
@@ -45,6 +47,7 @@ ALL = {
     **together.ALL,
     "collect": collect.collect,
     "collect_speed": collect_speed.collect_speed,
+    **node_red.ALL,
 }
 
 
@@ -53,9 +56,10 @@ def main():
     parser.add_argument("what", nargs="+", choices=ALL)
     parser.add_argument("--program", default=os.path.join(HERE, "..", "..", "target", "release", "greybox"))
     parser.add_argument("--count", type=int, help="how many: times, clients, trials, kills, jobs, requests, days")
-    parser.add_argument("--seconds", type=float, default=6, help="how long `slow` looks at a time")
+    parser.add_argument("--seconds", type=float, help="how long `slow` looks at a time, and a plant publishes for `node_red`")
     parser.add_argument("--minutes", type=float, default=8, help="how long `cost` begins jobs, and `soak` lasts")
     parser.add_argument("--faketime", help="libfaketime.so.1, for `clock` and `nodes_clock`")
+    parser.add_argument("--tools", help="folder with `node_modules` and `venv`, for `node_red`")
     parser.add_argument("--next", help="another build of the program, for `nodes_upgrade`")
     options = parser.parse_args()
     # Ended from outside it still ends its servers.
