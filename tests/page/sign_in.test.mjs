@@ -1,7 +1,8 @@
 // The tests sign in, in a browser, to a server that asks who calls.
 //
 // GREYBOX_TOKEN is the secret of a token `operator` of the project `hall-2` with the scope `submit`,
-// GREYBOX_READER_TOKEN that of a token `reader` of this project with the scope `read`; the variables that name the server and the browser are described in server.mjs and browser.mjs.
+// GREYBOX_READER_TOKEN that of a token `reader` of this project with the scope `read`; the variables that name the
+// server and the browser are described in server.mjs and browser.mjs.
 
 import assert from "node:assert/strict";
 import { after, before, test } from "node:test";
@@ -144,8 +145,11 @@ test("who may only read is offered nothing that changes something", { skip }, as
     await page.evaluate((path) => {
       location.hash = path;
     }, path);
+    // The parts are in the page, shown or not.
     await page.waitForFunction(
-      (text) => document.querySelector("h1")?.textContent === text && document.body.dataset.scope,
+      (text) =>
+        document.querySelector("h1")?.textContent === text &&
+        document.querySelectorAll("main .for-writers").length > 0,
       PATIENCE,
       title,
     );

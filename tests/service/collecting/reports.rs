@@ -15,9 +15,9 @@ async fn put(app: &TestApp, state: &Value) -> Answer {
 
 #[tokio::test(flavor = "multi_thread")]
 async fn the_server_is_told_how_far_each_series_has_come_and_why_one_stands() {
-    let tokens = [("someone", Scope::Read, "default")];
-    let (app, [reader]) = TestApp::with_tokens(tokens, |_| ()).await;
-    let shown = |path: &str| app.send(app.request(Method::GET, path).bearer_auth(&reader));
+    let tokens = [("someone", Scope::Admin, "default")];
+    let (app, [admin]) = TestApp::with_tokens(tokens, |_| ()).await;
+    let shown = |path: &str| app.send(app.request(Method::GET, path).bearer_auth(&admin));
     let secret = app.append_token("collector", "rig-4,rig-5").await;
     let pi_server = Historian::holding(seconds(0..20), 100);
     let address = pi_server.as_pi().await;
@@ -53,6 +53,12 @@ async fn the_server_is_told_how_far_each_series_has_come_and_why_one_stands() {
     assert_eq!(away["health"], "away");
     assert!(away["away"].as_str().unwrap().contains("503"), "{away}");
     assert_eq!(away["series"][0]["reached"], "2026-03-02T08:15:19Z");
+    // What is refused stands in the audit log, and what is only said does not.
+    let log = shown("/v1/audit").await.expect(200).json();
+    let entries = log["items"].as_array().unwrap().iter();
+    let of_sources = entries.filter(|entry| entry["path"] == "/v1/sources/pi");
+    let statuses: Vec<&Value> = of_sources.map(|entry| &entry["status"]).collect();
+    assert_eq!(statuses, [403]);
 }
 
 #[tokio::test(flavor = "multi_thread")]

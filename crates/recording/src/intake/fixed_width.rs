@@ -1,8 +1,8 @@
 //! Tables whose columns begin below a line of dashes, as `sqlcmd` prints them: tabs are put between the columns.
 
-use super::format::HEAD_BYTES;
+use super::format::{HEAD_BYTES, whole_lines};
 use super::memory::LONGEST_ROW;
-use std::io::{self, BufRead, BufReader, Read};
+use std::io::{self, BufRead, BufReader, Cursor, Read};
 
 /// Lines that must be blank between the columns.
 const LOOKED_AT: usize = 50;
@@ -69,13 +69,8 @@ pub(super) fn apart<'t>(
     let Some(ends) = ColumnEnds::of(&head) else {
         return Ok((head, Box::new(text)));
     };
-    let is_cut = head.len() as u64 >= HEAD_BYTES;
-    if let Some(end) = head
-        .iter()
-        .rposition(|byte| *byte == b'\n')
-        .filter(|_| is_cut)
-    {
-        head.truncate(end + 1);
+    if head.len() as u64 >= HEAD_BYTES {
+        head.truncate(whole_lines(&head).len());
     }
     let mut tabbed = Vec::new();
     TabbedText::of(&head[..], ends.clone()).read_to_end(&mut tabbed)?;
@@ -87,8 +82,7 @@ struct TabbedText<R> {
     source: BufReader<R>,
     ends: ColumnEnds,
     lines: usize,
-    line: Vec<u8>,
-    given: usize,
+    line: Cursor<Vec<u8>>,
 }
 
 impl<R: Read> TabbedText<R> {
@@ -97,19 +91,24 @@ impl<R: Read> TabbedText<R> {
             source: BufReader::new(source),
             ends,
             lines: 0,
-            line: Vec::new(),
-            given: 0,
+            line: Cursor::default(),
         }
     }
 
     fn next_line(&mut self) -> io::Result<()> {
-        self.line.clear();
-        self.given = 0;
-        let mut line = self.source.by_ref().take(LONGEST_ROW);
-        line.read_until(b'\n', &mut self.line)?;
+        let mut line = std::mem::take(&mut self.line).into_inner();
+        line.clear();
+        let mut source = self.source.by_ref().take(LONGEST_ROW);
+        source.read_until(b'\n', &mut line)?;
         self.lines += 1;
-        let Ok(text) = std::str::from_utf8(&self.line) else {
-            return Ok(());
+        self.line = Cursor::new(self.tabbed(line));
+        Ok(())
+    }
+
+    /// A line with tabs between its columns; the line as it is where something else stands there.
+    fn tabbed(&self, line: Vec<u8>) -> Vec<u8> {
+        let Ok(text) = std::str::from_utf8(&line) else {
+            return line;
         };
         let (plain, end) = match text.strip_suffix('\n') {
             Some(plain) => (plain, "\n"),
@@ -119,23 +118,21 @@ impl<R: Read> TabbedText<R> {
             true => Some(String::new()),
             false => self.ends.cut(plain),
         };
-        if let Some(fields) = fields {
-            self.line = (fields + end).into_bytes();
+        match fields {
+            Some(fields) => (fields + end).into_bytes(),
+            None => line,
         }
-        Ok(())
     }
 }
 
 impl<R: Read> Read for TabbedText<R> {
     fn read(&mut self, buffer: &mut [u8]) -> io::Result<usize> {
-        if self.given == self.line.len() {
-            self.next_line()?;
+        let count = self.line.read(buffer)?;
+        if count > 0 || buffer.is_empty() {
+            return Ok(count);
         }
-        let left = &self.line[self.given..];
-        let length = left.len().min(buffer.len());
-        buffer[..length].copy_from_slice(&left[..length]);
-        self.given += length;
-        Ok(length)
+        self.next_line()?;
+        self.line.read(buffer)
     }
 }
 

@@ -5,12 +5,12 @@ use std::path::Path;
 
 fn shown(file: &str, options: &[(&str, &str)]) -> Result<Layout, ReadError> {
     let payloads = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/payloads");
-    let mut said = Options::default();
+    let mut reading = Options::default();
     for (option, text) in options {
-        said.set(option, text).unwrap();
+        reading.set(option, text).unwrap();
     }
     let file = std::fs::File::open(payloads.join(file)).unwrap();
-    intake::layout(file, MediaKind::Binary, &said)
+    intake::layout(file, MediaKind::Binary, &reading)
 }
 
 fn columns(layout: &Layout) -> Vec<(&str, &str, ColumnRole)> {

@@ -35,18 +35,11 @@ const SENTINELS: [f64; 27] = [
     -999_999.0,
 ];
 
-/// Sentinels that are missing samples of a whole recording where they are far from the others.
-const STAND_INS: [f64; 6] = [
-    // Uniformance PHD at a confidence of -1, ASCII grids and files of meteorologists.
-    -9999.0, // Log ASCII Standard, whose heads have `NULL. -999.25`.
-    -999.25, // Campbell Scientific, NAN of a logger in its format of two bytes.
-    -7999.0,
-    // SunSpec, a signed register of 16 bits that is not there; Siemens S7, underflow or wire break.
-    -32_768.0,
-    // SunSpec, an unsigned register of 16 bits that is not there, and registers of Modbus like it.
-    65_535.0, // Loggers and databases whose numbers have six digits.
-    999_999.0,
-];
+/// Sentinels that are missing samples of a whole recording where they are far from the others: -9999 of Uniformance PHD
+/// at a confidence of -1, of ASCII grids and of meteorologists; -999.25 of the Log ASCII Standard (`NULL. -999.25`);
+/// -7999 of Campbell Scientific's loggers; -32768 and 65535 of registers of 16 bits that are not there (SunSpec, Siemens
+/// S7); 999999 of loggers and databases whose numbers have six digits.
+const STAND_INS: [f64; 6] = [-9_999.0, -999.25, -7_999.0, -32_768.0, 65_535.0, 999_999.0];
 
 /// Numbers of the list that are larger stand for no value of any plant.
 const SURELY_NONE: f64 = 1e29;

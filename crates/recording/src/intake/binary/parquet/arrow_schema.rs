@@ -32,6 +32,8 @@ const USUAL_UNIT: u8 = 1;
 /// The columns that are looked at, and the remarks on each, at the most.
 const MOST_FIELDS: usize = 2 * MAX_SIGNALS;
 const MOST_PAIRS: usize = 100;
+/// The bytes of a text at the most: the offsets of many fields may lead to one text.
+const LONGEST_TEXT: usize = 1000;
 /// Names of the metadata of a field that say its unit.
 const UNIT_KEYS: [&str; 6] = [
     "unit",
@@ -141,9 +143,10 @@ impl<'b> BufferTable<'b> {
 
     fn text(&self, field: usize) -> Option<&'b str> {
         let begin = follow(self.bytes, self.place(field)?)?;
-        let length = u32::from_le_bytes(*array(self.bytes, begin)?);
-        let text = self.bytes.get(begin + 4..)?;
-        std::str::from_utf8(text.get(..usize::try_from(length).ok()?)?).ok()
+        let length = usize::try_from(u32::from_le_bytes(*array(self.bytes, begin)?)).ok()?;
+        let text = self.bytes.get(begin + 4..)?.get(..length)?;
+        let text = (length <= LONGEST_TEXT).then_some(text)?;
+        std::str::from_utf8(text).ok()
     }
 
     /// The tables of a list.

@@ -84,8 +84,8 @@ fn a_twincat_scope_has_a_block_of_facts_for_each_signal() {
         .replace('\t', ";");
     assert_eq!(start(&parse(&commas).unwrap()), "2026-03-02T08:15:00Z");
     // Times whose steps are not those of the head are in no unit that it tells.
-    let other = TWINCAT.replace("SampleTime[ms]\t2", "SampleTime[ms]\t5");
-    assert!(parse(&other).is_err());
+    let unlike = TWINCAT.replace("SampleTime[ms]\t2", "SampleTime[ms]\t5");
+    assert!(parse(&unlike).is_err());
 }
 
 #[test]
