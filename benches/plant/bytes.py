@@ -35,7 +35,7 @@ WORDS = {
     "job_datasets": "reference to a recording", "comparisons": "comparison", "comparison_jobs": "run",
     "idempotency": "key", "signal_lists": "list of signals", "stream_batches": "answer", "streams": "stream",
     "mappings": "mapping", "unmapped_series": "series", "omf_definitions": "definition",
-    "dataset_versions": "version of a recording", "layouts": "layout", "sources": "source", "sessions": "session", "project_days": "time at work",
+    "dataset_versions": "version of a recording", "layouts": "layout", "sources": "source", "stream_marks": "marks of a stream", "sessions": "session", "project_days": "time at work",
     "webhooks": "webhook", "deliveries": "delivery", "nodes": "life of a server",
 }
 # What the check says of a row of other tables.

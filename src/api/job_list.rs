@@ -16,7 +16,7 @@ use super::page::{Cursor, Page, PageParams};
 use super::query::{FromQuery, Params, QueryReader};
 use crate::access::Project;
 use crate::job::Status;
-use crate::store::{JobFilter, JobSummaryRow, Jobs, NamedDataset};
+use crate::store::{EstimateInShort, JobFilter, JobSummaryRow, Jobs, NamedDataset};
 use greybox::estimation::Progress;
 use greybox::identification::outcome::Trust;
 use greybox::identification::spec::{MAX_NAME_CHARS, MethodName};
@@ -52,17 +52,29 @@ pub struct JobsQuery {
     /// Only those whose verdict has this grade.
     #[param(inline)]
     pub trust: Option<Trust>,
-    /// Only those with this text in the name, the identifier, the model, a label or the name of a
+    /// Only those with this text in the name, the identifier, the model, a label, the note or the name of a
     /// recording.
     #[param(max_length = 200)]
     pub text: Option<String>,
     /// How much of each is shown.
     #[param(inline)]
     pub view: Option<JobView>,
+    /// Names of parameters, separated by commas, whose estimates are shown in short: `mass`, or `load[1]` of the
+    /// second experiment alone. 20 at the most, with `view=summary`.
+    #[param(value_type = Option<String>, example = "mass,damping")]
+    pub estimates: Option<Vec<String>>,
 }
 
-/// The filter, the place in the list, and how much of each job is shown.
-pub struct WhichJobs(JobFilter, JobView);
+/// Names of estimates at the most.
+const MAX_ESTIMATES: usize = 20;
+
+/// Which jobs are listed, and how much of each is shown.
+pub struct WhichJobs {
+    filter: JobFilter,
+    view: JobView,
+    /// The names of the estimates that are shown; nothing where none is asked for.
+    estimates: Option<Vec<String>>,
+}
 
 impl FromQuery for WhichJobs {
     fn read(query: &mut QueryReader) -> Self {
@@ -85,6 +97,10 @@ impl FromQuery for WhichJobs {
         });
         let text = query.parsed("text", short);
         let view = query.parsed("view", named::<JobView>).unwrap_or_default();
+        let estimates = query.parsed("estimates", |names| match view {
+            JobView::Summary => names_of_estimates(names),
+            JobView::Whole => Err("estimates are shown with `view=summary`".to_owned()),
+        });
         let cursor = Cursor::read(query);
         let filter = JobFilter {
             project: Project::default(),
@@ -98,7 +114,19 @@ impl FromQuery for WhichJobs {
             before: cursor.before,
             limit: cursor.limit,
         };
-        Self(filter, view)
+        Self {
+            filter,
+            view,
+            estimates,
+        }
+    }
+}
+
+fn names_of_estimates(names: &str) -> Result<Vec<String>, String> {
+    let names: Vec<String> = names.split(',').map(str::to_owned).collect();
+    match names.len() {
+        0..=MAX_ESTIMATES => Ok(names),
+        count => Err(format!("{count} names are more than {MAX_ESTIMATES}")),
     }
 }
 
@@ -151,6 +179,36 @@ pub struct JobSummary {
     /// When the job ended.
     #[schema(value_type = Option<String>, format = DateTime)]
     finished_at: Option<Timestamp>,
+    /// The estimates that `estimates` names, by their names, as far as the job has them; absent where none is asked
+    /// for.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    #[schema(nullable = false)]
+    estimates: Option<BTreeMap<String, ListedEstimate>>,
+}
+
+/// An estimate in a list of jobs.
+#[derive(Serialize, ToSchema)]
+pub struct ListedEstimate {
+    /// The estimate, SI.
+    value: f64,
+    /// The SI unit.
+    #[schema(example = "kg")]
+    unit: String,
+    /// One standard deviation of the estimate's error, with what was taken as known, SI.
+    total_error: Option<f64>,
+    /// How far the total interval can be relied on.
+    trust: Option<Trust>,
+}
+
+impl From<EstimateInShort> for ListedEstimate {
+    fn from(estimate: EstimateInShort) -> Self {
+        Self {
+            value: estimate.value,
+            unit: estimate.unit,
+            total_error: estimate.total_error,
+            trust: estimate.trust,
+        }
+    }
 }
 
 /// A recording by its name.
@@ -183,6 +241,7 @@ impl From<JobSummaryRow> for JobSummary {
             created_at: row.created_at,
             started_at: row.started_at,
             finished_at: row.finished_at,
+            estimates: None,
         }
     }
 }
@@ -208,16 +267,43 @@ pub enum JobsPage {
 pub async fn list(
     State(jobs): State<Jobs>,
     client: Client,
-    Params(WhichJobs(mut filter, view)): Params<WhichJobs>,
+    Params(which): Params<WhichJobs>,
     uri: Uri,
 ) -> Answer {
+    let WhichJobs {
+        mut filter,
+        view,
+        estimates,
+    } = which;
     filter.project = client.project;
     if view == JobView::Summary {
         let page = jobs.summaries(&filter).await?;
-        let items = page.rows.into_iter().map(JobSummary::from).collect();
-        return Ok(Page::new(items, page.next.map(|id| id.to_string())).answer(&uri));
+        let next = page.next.map(|id| id.to_string());
+        let mut items: Vec<JobSummary> = page.rows.into_iter().map(JobSummary::from).collect();
+        if let Some(names) = estimates {
+            add_estimates(&jobs, &names, &mut items).await?;
+        }
+        return Ok(Page::new(items, next).answer(&uri));
     }
     let page = jobs.list(&filter).await?;
     let items = page.rows.iter().map(Job::from).collect();
     Ok(Page::new(items, page.next.map(|id| id.to_string())).answer(&uri))
+}
+
+/// Adds the estimates of these names to jobs in short.
+async fn add_estimates(jobs: &Jobs, names: &[String], items: &mut [JobSummary]) -> Answer<()> {
+    let ended: Vec<JobId> = items
+        .iter()
+        .filter(|job| job.status.is_terminal())
+        .map(|job| job.id)
+        .collect();
+    let mut by_job = jobs.estimates(&ended, names).await?;
+    for job in items {
+        let estimates = by_job.remove(&job.id).unwrap_or_default();
+        let shown = estimates
+            .into_iter()
+            .map(|(name, estimate)| (name, estimate.into()));
+        job.estimates = Some(shown.collect());
+    }
+    Ok(())
 }

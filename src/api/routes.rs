@@ -15,8 +15,9 @@ use super::state::ApiState;
 use super::{
     audit, authorise, candidates, changes, comparisons, dataset_samples, dataset_versions,
     datasets, demonstration, designs, disturbance, events, health, job_list, job_words, jobs,
-    layouts, mappings, models, monitors, named_layouts, posterior, report, results, selections,
-    session, simulations, sinks, sources, streams, submit, trajectory, verdict_rules, webhooks,
+    layouts, mappings, models, monitors, named_layouts, posterior, prepared_datasets, report,
+    results, selections, session, simulations, sinks, sources, streams, submit, time_left,
+    trajectory, verdict_rules, webhooks,
 };
 
 /// Every resource of the service, with its description.
@@ -32,6 +33,7 @@ fn described() -> OpenApiRouter<ApiState> {
         .routes(routes!(dataset_samples::samples))
         .routes(routes!(dataset_versions::create, dataset_versions::list))
         .routes(routes!(dataset_versions::show))
+        .routes(routes!(prepared_datasets::create))
         .routes(routes!(layouts::show, named_layouts::list))
         .routes(routes!(
             named_layouts::put,
@@ -43,6 +45,7 @@ fn described() -> OpenApiRouter<ApiState> {
         .routes(routes!(streams::list))
         .routes(routes!(streams::append, streams::show, streams::remove))
         .routes(routes!(streams::cut::cut))
+        .routes(routes!(streams::marks::show, streams::marks::put))
         .routes(routes!(streams::removal::remove_samples))
         .routes(routes!(mappings::list))
         .routes(routes!(mappings::put, mappings::show, mappings::remove))
@@ -77,6 +80,7 @@ fn described() -> OpenApiRouter<ApiState> {
         .routes(routes!(results::generations))
         .routes(routes!(candidates::candidates))
         .routes(routes!(results::result))
+        .routes(routes!(time_left::show))
         .routes(routes!(trajectory::trajectory))
         .routes(routes!(disturbance::disturbance))
         .routes(routes!(posterior::posterior))

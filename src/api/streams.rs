@@ -2,6 +2,7 @@
 
 mod csv;
 pub mod cut;
+pub mod marks;
 pub mod removal;
 pub(super) mod stamps;
 
@@ -29,7 +30,7 @@ use crate::access::{Project, Scope, is_stream_name};
 use crate::monitor::MAX_WINDOW_SAMPLES;
 use crate::store::{
     Appended, BatchOutcome, Idempotency, Keep, MAX_STREAMS, NewBatch, Store, StoreError,
-    StreamRemoval, StreamRow, Streams,
+    StreamRemoval, StreamRow, Streams, UnmarkedRows,
 };
 use greybox::intake::{self, Options, ReadingPurpose};
 use greybox::parsing::Fault;
@@ -422,8 +423,8 @@ async fn window(
     stream: &StreamRow,
     (from, to): (Option<Timestamp>, Option<Timestamp>),
 ) -> Answer<Option<Recording>> {
-    let rows = streams.rows(stream, span((from, to)), MAX_WINDOW_SAMPLES);
-    let rows = rows.await?.ok_or_else(|| {
+    let rows = streams.unmarked_rows(stream, span((from, to)), MAX_WINDOW_SAMPLES);
+    let UnmarkedRows { rows, told } = rows.await?.ok_or_else(|| {
         let detail = format!(
             "there are more than {MAX_WINDOW_SAMPLES} instants in it; ask for a shorter part"
         );
@@ -440,6 +441,7 @@ async fn window(
     let recording = rows.into_recording(&stream.signals, source);
     Ok(recording.map(|recording| Recording {
         zone: stream.zone.clone(),
+        notes: told,
         ..recording
     }))
 }

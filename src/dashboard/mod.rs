@@ -123,11 +123,11 @@ static ASSETS: LazyLock<Vec<Asset>> = LazyLock::new(|| {
 fn embedded() -> impl IntoIterator<Item = Asset> { assets! {
     "compare": "differences.js" "jobs.js" "methods.js";
     "data": "datasets.js" "layout.js" "layouts.js" "lines.js" "mark_form.js" "marking.js" "marks.css" "marks.js" "options.js" "plots.js"
-        "quality.js" "roles.js" "units.js" "upload.js" "versions.js";
+        "preparing.js" "quality.js" "recipe.js" "roles.js" "units.js" "upload.js" "versions.js";
     "docs": "guide.css" "reference.js";
     "job": "ancestry.js" "budget.js" "contents.js" "correlation.js" "design.js" "disturbance.js" "disturbance_words.js" "effects.js"
         "feed.js" "heat.js" "job.css" "job.js" "live.js" "naming.js" "plain.js" "posterior.js" "profiles.js" "progress.js" "reading.js"
-        "residuals.js" "result.js" "ribbon.js" "selection.js" "tables.js" "trajectory.js" "verdict.js" "windows.js";
+        "residuals.js" "result.js" "ribbon.js" "selection.js" "tables.js" "time_left.js" "trajectory.js" "verdict.js" "windows.js";
     "list": "bulk.js" "columns.js" "dropdown.js" "filter.js" "groups.js" "jobs.css" "jobs.js" "rows.js" "start.js" "views.js";
     "model": "description.js" "editor.js" "equation.js" "excitation.js" "language.js" "models.js"
         "parameters.js" "picture.js" "signals.js" "simulation.js" "sliders.js" "trial.js";
@@ -135,7 +135,7 @@ fn embedded() -> impl IntoIterator<Item = Asset> { assets! {
         "recordings.js" "search.js" "trial.js" "version.js";
     "plant": "access.js" "agents.js" "audit.js" "entries.js" "fields.js" "find.js" "head.js" "instants.js" "mapping.js"
         "monitor.js" "monitors.js" "paged.js" "part.js" "places.js" "plan.js" "plant.css" "rules.js" "samples.js" "sources.js"
-        "starts.js" "stream.js" "streams.js" "trend.js" "watch.js" "webhooks.js" "windows.js";
+        "starts.js" "stream.js" "stream_marks.js" "streams.js" "trend.js" "watch.js" "webhooks.js" "windows.js";
     "plot": "axes.js" "clock.js" "group.js" "legend.js" "math.js" "plot.css" "plot.js" "save.js" "theme.js" "units.js"
         "whiskers.js";
     "shell": "api.js" "description.js" "dom.js" "faults.js" "format.js" "icon.svg" "main.js" "prepared.js" "session.js"

@@ -16,7 +16,7 @@ const BYTES_TOGETHER: usize = 1 << 20;
 const ROWS_TOGETHER: usize = 100;
 
 /// What is copied; a table comes after those that its rows belong to.
-pub(super) const TABLES: [&str; 38] = [
+pub(super) const TABLES: [&str; 39] = [
     "jobs",
     "job_labels",
     "job_datasets",
@@ -35,6 +35,7 @@ pub(super) const TABLES: [&str; 38] = [
     "streams",
     "stream_blocks",
     "stream_extremes",
+    "stream_marks",
     "signal_lists",
     "stream_batches",
     "monitors",

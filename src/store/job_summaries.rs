@@ -1,6 +1,7 @@
 //! Jobs in short, for lists of many.
 
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, HashMap};
+use std::time::Duration;
 
 use jiff::Timestamp;
 use serde::Deserialize;
@@ -8,11 +9,13 @@ use serde::Deserialize;
 use super::columns::{from_json, optional, optional_time, parse_id, parse_status, time};
 use super::database::{Kind, QueryBuilder, Row};
 use super::jobs::{Jobs, method, push_filter, trust};
+use super::sealed::RESULTS;
 use super::{JobFilter, Page, StoreError, corrupt};
 use crate::access::Project;
 use crate::job::Status;
 use greybox::estimation::Progress;
 use greybox::identification::JobId;
+use greybox::identification::outcome::{ParameterEstimate, Trust};
 
 /// A job in short.
 #[derive(Clone, Debug)]
@@ -43,6 +46,27 @@ pub struct JobSummaryRow {
     pub started_at: Option<Timestamp>,
     /// When the job ended.
     pub finished_at: Option<Timestamp>,
+}
+
+/// An estimate of a job in short, SI.
+#[derive(Clone, Debug, PartialEq)]
+pub struct EstimateInShort {
+    /// The estimate.
+    pub value: f64,
+    /// The SI unit.
+    pub unit: String,
+    /// One standard deviation of the estimate's error, with what was taken as known.
+    pub total_error: Option<f64>,
+    /// How far the total interval can be relied on.
+    pub trust: Option<Trust>,
+}
+
+/// The part of a result that a list shows.
+#[derive(Deserialize)]
+struct Estimates {
+    /// The estimated parameters; none in the results of other kinds of jobs.
+    #[serde(default)]
+    parameters: Vec<ParameterEstimate>,
 }
 
 /// A recording by its name.
@@ -97,6 +121,70 @@ impl Jobs {
         Ok(Page::cut(rows, filter.limit, |row| row.id))
     }
 
+    /// The estimates of these names, by the jobs that have any of them.
+    pub async fn estimates(
+        &self,
+        jobs: &[JobId],
+        names: &[String],
+    ) -> Result<HashMap<JobId, BTreeMap<String, EstimateInShort>>, StoreError> {
+        if jobs.is_empty() {
+            return Ok(HashMap::new());
+        }
+        let mut query = QueryBuilder::new("select job, outcome, seal from results where job in (");
+        let mut listed = query.separated(", ");
+        for job in jobs {
+            listed.push_bind(job.to_string());
+        }
+        query.push(")");
+        let rows = query.build().fetch_all(&self.database.readers).await?;
+        let of_job = |row: &Row| {
+            RESULTS.verify(row)?;
+            let job: String = row.try_get("job")?;
+            let result: Estimates = from_json("result", &job, row.try_get("outcome")?)?;
+            let estimates = result.parameters.into_iter().filter_map(|parameter| {
+                let key = parameter.key();
+                names.contains(&key).then(|| (key, in_short(parameter)))
+            });
+            Ok((parse_id(&job)?, estimates.collect()))
+        };
+        rows.iter().map(of_job).collect()
+    }
+
+    /// How long the newest jobs of the same project, model and method took that succeeded, from their first slice to
+    /// their end, `limit` of them at the most.
+    pub async fn times_like(
+        &self,
+        job: &JobSummaryRow,
+        limit: u32,
+    ) -> Result<Vec<Duration>, StoreError> {
+        let filter = JobFilter {
+            status: Some(Status::Succeeded),
+            model: Some(job.model.clone()),
+            method: job.method.clone(),
+            limit,
+            ..JobFilter::default()
+        };
+        let mut query =
+            QueryBuilder::new("select id, started_at, finished_at from jobs where project = ");
+        query.push_bind(job.project.as_str().to_owned());
+        push_filter(&mut query, self.database.readers.kind(), &filter);
+        let rows = query.build().fetch_all(&self.database.readers).await?;
+        let took = |row: &Row| {
+            let id: String = row.try_get("id")?;
+            let started_at = optional_time(&id, row.try_get("started_at")?)?;
+            let finished_at = optional_time(&id, row.try_get("finished_at")?)?;
+            let took = finished_at
+                .zip(started_at)
+                .map(|(end, begin)| end.duration_since(begin));
+            Ok(took.and_then(|took| Duration::try_from(took).ok()))
+        };
+        let took = rows
+            .iter()
+            .map(took)
+            .collect::<Result<Vec<_>, StoreError>>()?;
+        Ok(took.into_iter().flatten().collect())
+    }
+
     /// Summaries of the jobs in `jobs` that exist, in no order.
     pub async fn summaries_of(&self, jobs: &[JobId]) -> Result<Vec<JobSummaryRow>, StoreError> {
         if jobs.is_empty() {
@@ -112,6 +200,15 @@ impl Jobs {
         query.push(")");
         let rows = query.build().fetch_all(&self.database.readers).await?;
         rows.iter().map(read).collect()
+    }
+}
+
+fn in_short(parameter: ParameterEstimate) -> EstimateInShort {
+    EstimateInShort {
+        value: parameter.estimate.estimate,
+        unit: parameter.unit,
+        total_error: parameter.estimate.total_standard_error,
+        trust: parameter.estimate.trust,
     }
 }
 

@@ -95,7 +95,7 @@ pub struct JobFilter {
     pub method: Option<String>,
     /// Only jobs whose verdict has this grade: `high`, `moderate` or `low`.
     pub trust: Option<String>,
-    /// Only jobs with this text in the name, the identifier, the model, a label or the name of a
+    /// Only jobs with this text in the name, the identifier, the model, a label, the note or the name of a
     /// recording, in letters of either case.
     pub text: Option<String>,
     /// Only jobs older than this job: the last job of the previous page.
@@ -259,6 +259,14 @@ pub(super) fn trust(kind: Kind) -> &'static str {
     kind.either("case when json_valid(outcome) then trust end", "trust")
 }
 
+/// The note of a job; nothing where its specification has none, or is damaged so that it cannot be read.
+fn note(kind: Kind) -> &'static str {
+    kind.either(
+        "case when instr(spec, '\"note\"') > 0 and json_valid(spec) then json_extract(spec, '$.note') end",
+        "case when strpos(spec, '\"note\"') > 0 then spec::json ->> 'note' end",
+    )
+}
+
 fn push_search(query: &mut QueryBuilder, kind: Kind, text: &str) {
     // Both take a letter for its capital.
     let like = kind.either("like", "ilike");
@@ -268,7 +276,10 @@ fn push_search(query: &mut QueryBuilder, kind: Kind, text: &str) {
         .replace('_', "\\_");
     let pattern = format!("%{escaped}%");
     query.push(" and (");
-    for (place, column) in ["name", "id", "model", "labels"].into_iter().enumerate() {
+    for (place, column) in ["name", "id", "model", "labels", note(kind)]
+        .into_iter()
+        .enumerate()
+    {
         let or = if place == 0 { "" } else { " or " };
         query
             .push(format_args!("{or}{column} {like} "))

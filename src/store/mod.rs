@@ -63,6 +63,7 @@ mod slices;
 mod sources;
 mod stop_request;
 mod stored_bytes;
+mod stream_marks;
 mod streams;
 mod submit;
 #[cfg(test)]
@@ -91,7 +92,7 @@ pub use figures::Figures;
 pub use generations::Generations;
 pub use handles::Store;
 pub use idempotency::Idempotency;
-pub use job_summaries::{JobSummaryRow, NamedDataset};
+pub use job_summaries::{EstimateInShort, JobSummaryRow, NamedDataset};
 pub use job_words::{JobWords, LabelChange, Renamed};
 pub use jobs::{JobFilter, JobRemoval, JobRow, Jobs};
 pub use layouts::{LayoutOptions, LayoutPut, Layouts, MAX_LAYOUTS, SavedLayout};
@@ -114,6 +115,9 @@ pub use slices::{Begin, Ending, HandedOn, Hold, Lease, Record, Reported, Slice, 
 pub use sources::{MAX_SOURCES, SeriesState, SourceRow, SourceState, Sources};
 pub use stop_request::StopRequest;
 pub use stored_bytes::StoredBytes;
+pub use stream_marks::{
+    MAX_STREAM_MARKS, NewStreamMarks, StreamMark, StreamMarked, StreamMarks, UnmarkedRows,
+};
 pub use streams::{
     Appended, BatchOutcome, DEFAULT_KEEP_MIB, Keep, MAX_STREAMS, NewBatch, StreamRemoval,
     StreamRow, Streams,

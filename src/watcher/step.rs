@@ -17,7 +17,7 @@ use crate::monitor::template::WindowLabel;
 use crate::monitor::warm::{self, JointEstimate};
 use crate::store::{
     Advance, AdvanceWindow, JobRow, MonitorRow, NewDataset, NewJob, NewWindowJob, Store,
-    StoreError, StreamRow,
+    StoreError, StreamRow, UnmarkedRows,
 };
 use greybox::identification::assemble;
 use greybox::identification::outcome::Outcome;
@@ -98,15 +98,15 @@ impl Steps {
     async fn begin(&self, mut step: MonitorStep) -> Result<Advance, StoreError> {
         let plan = step.spec.window;
         let span = step.state.span(&plan);
-        let rows = self
-            .store
-            .streams()
-            .rows(&step.stream, span.0..span.1, MAX_WINDOW_SAMPLES);
-        let Some(rows) = rows.await? else {
+        let rows =
+            self.store
+                .streams()
+                .unmarked_rows(&step.stream, span.0..span.1, MAX_WINDOW_SAMPLES);
+        let Some(unmarked) = rows.await? else {
             let reason = format!("a window has more than {MAX_WINDOW_SAMPLES} instants");
             return Ok(step.fails(reason));
         };
-        if rows.rows() < 2 {
+        if unmarked.rows.rows() < 2 {
             let resumes = self
                 .store
                 .streams()
@@ -119,7 +119,7 @@ impl Steps {
         }
         let model = self.model(&step.spec).await?;
         let catalogue = self.catalogue.clone();
-        let cutting = tokio::task::spawn_blocking(move || step.cut(rows, &catalogue, model));
+        let cutting = tokio::task::spawn_blocking(move || step.cut(unmarked, &catalogue, model));
         cutting.await.map_err(|_| StoreError::Closed)
     }
 
@@ -370,10 +370,17 @@ impl MonitorStep {
     }
 
     /// Cuts the window out of its stream, and has a job work it where it says something.
-    fn cut(mut self, rows: Rows, catalogue: &Catalogue, model: Option<Arc<Model>>) -> Advance {
+    fn cut(
+        mut self,
+        unmarked: UnmarkedRows,
+        catalogue: &Catalogue,
+        model: Option<Arc<Model>>,
+    ) -> Advance {
+        let UnmarkedRows { rows, told } = unmarked;
         let signals = self.stream.signals.clone();
         let id = DatasetId::new();
-        let (recording, digest) = self.recording(&signals, &rows);
+        let (mut recording, digest) = self.recording(&signals, &rows);
+        recording.notes = told;
         let summary = recording.summary();
         let window = RecordedWindow {
             dataset: id,

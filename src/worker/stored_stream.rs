@@ -43,7 +43,8 @@ impl StreamReader for StoredStream {
     fn rows(&self, span: Range<i64>, most: usize) -> Result<Option<Rows>, Failure> {
         let rows = self
             .runtime
-            .block_on(self.streams.rows(&self.row, span, most));
+            .block_on(self.streams.unmarked_rows(&self.row, span, most));
+        let rows = rows.map(|unmarked| unmarked.map(|unmarked| unmarked.rows));
         rows.map_err(|error| match error.meaning() {
             Meaning::Damaged => Failure::damaged_data(&error),
             _ => Failure::cannot_run(format!("the stream cannot be read: {error}"), Vec::new()),

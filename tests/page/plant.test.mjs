@@ -114,6 +114,20 @@ test("a stream is looked at in parts, cut, and samples are taken out of it", { s
   await press(page, "Show this part");
   const { window } = await (await read).json();
   assert.ok(window.samples.time_s.length >= 600 && window.samples.time_s.length < 700);
+  // A mark is made of the part, shown, and taken back.
+  const marks = async () => (await (await fetch(`${base}/v1/streams/${shared.stream}/marks`)).json()).marks;
+  await (await labelled(page, "Reason")).type("sensor loose");
+  await press(page, "Mark this part as bad");
+  await page.waitForSelector("[aria-label='Marks'] tbody tr", PATIENCE);
+  assert.match(await text(page, "[aria-label='Marks'] tbody tr"), /all signals.*sensor loose/s);
+  assert.deepEqual(
+    (await marks()).map(({ reason }) => reason),
+    ["sensor loose"],
+  );
+  await picture(page, "stream-marked");
+  await press(page, "Undo");
+  await says(page, "Nothing is marked.");
+  assert.deepEqual(await marks(), []);
   await (await labelled(page, "Name of the recording")).type("last window");
   await press(page, "Cut a recording");
   await page.waitForFunction(() => location.hash.startsWith("#/datasets/ds_"), PATIENCE);

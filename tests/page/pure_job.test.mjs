@@ -437,3 +437,15 @@ test("experiments of the same recording and signals are windows of it", () => {
     { dataset: "ds_1", places: [3] },
   ]);
 });
+
+test("the time left is told by jobs that took longer, where these are enough, and by the limit of the job", async () => {
+  const { timeLeftText } = await part("job/time_left.js");
+  const left = { jobs: 40, longer: 12, half_s: 8, nine_in_ten_s: 30 };
+  assert.equal(
+    timeLeftText(left, 240),
+    "of 12 jobs of this model that took longer than this has, half ended within 8 s, nine in ten within 30 s; at most 4 min",
+  );
+  const few = { jobs: 3, longer: 2, half_s: null, nine_in_ten_s: null };
+  assert.equal(timeLeftText(few, 240), "at most 4 min; most searches end earlier");
+  assert.equal(timeLeftText(null, null), "");
+});

@@ -165,3 +165,29 @@ async fn jobs_and_results_have_strong_tags() {
         app.send(other).await.expect(200);
     }
 }
+
+#[tokio::test(flavor = "multi_thread")]
+async fn a_running_job_says_how_long_jobs_like_it_took() {
+    let app = TestApp::start().await;
+    let dataset = app.store_drive().await;
+    let job = drive_job(&dataset);
+    for _ in 0..2 {
+        let id = app.submit(&job).await;
+        assert_eq!(app.ended(&id).await["status"], "succeeded");
+        app.get(&format!("/v1/jobs/{id}/time-left"))
+            .await
+            .problem(409);
+    }
+    let endless = running(&app).await;
+    let left = app
+        .get(&format!("/v1/jobs/{endless}/time-left"))
+        .await
+        .expect(200)
+        .json();
+    // Two jobs are like it; so few that took longer would tell nothing.
+    assert_eq!(left["jobs"], 2);
+    assert!(
+        left["half_s"].is_null() && left["elapsed_s"].as_f64().unwrap() >= 0.0,
+        "{left}"
+    );
+}

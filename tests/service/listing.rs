@@ -2,7 +2,7 @@
 
 use serde_json::{Value, json};
 
-use crate::app::{TestApp, drive_csv, drive_job};
+use crate::app::{TestApp, drive_csv, drive_job, endless_job};
 
 fn ids(page: &Value) -> Vec<String> {
     let items = page["items"].as_array().unwrap();
@@ -119,6 +119,7 @@ async fn a_list_in_short_tells_jobs_apart_and_is_narrowed_by_what_it_shows() {
     let mut job = drive_job(&other);
     job["name"] = json!("Commissioning");
     job["labels"] = json!({"site": "hall 2"});
+    job["note"] = json!("The bearing was changed.");
     job["method"]["name"] = json!("multistart_lm");
     let second = app.submit(&job).await;
     app.ended(&first).await;
@@ -144,6 +145,7 @@ async fn a_list_in_short_tells_jobs_apart_and_is_narrowed_by_what_it_shows() {
         format!("dataset={other}"),
         "text=commis".to_owned(),
         "text=HALL".to_owned(),
+        "text=BEARING".to_owned(),
         "text=rig_4%20100%25".to_owned(),
         format!("text={second}"),
     ] {
@@ -159,4 +161,32 @@ async fn a_list_in_short_tells_jobs_apart_and_is_narrowed_by_what_it_shows() {
     let problem = app.get("/v1/jobs?trust=good&view=short&text=a").await;
     let problem = problem.problem(422);
     assert_eq!(problem["errors"].as_array().unwrap().len(), 2, "{problem}");
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn a_list_in_short_has_the_estimates_that_it_is_asked_for() {
+    let app = TestApp::start().await;
+    let dataset = app.store_drive().await;
+    let id = app.submit(&drive_job(&dataset)).await;
+    let endless = app.submit(&endless_job(&dataset)).await;
+    app.ended(&id).await;
+    let list = app
+        .get("/v1/jobs?view=summary&estimates=mass,nothing")
+        .await
+        .expect(200)
+        .json();
+    assert_eq!(ids(&list), [endless.as_str(), id.as_str()]);
+    assert_eq!(list["items"][0]["estimates"], json!({}));
+    let result = app.get(&format!("/v1/jobs/{id}/result")).await.json();
+    let mut parameters = result["parameters"].as_array().unwrap().iter();
+    let mass = parameters
+        .find(|parameter| parameter["name"] == "mass")
+        .unwrap();
+    let expected = json!({"mass": {
+        "value": mass["estimate"], "unit": "kg", "total_error": mass["total_standard_error"], "trust": mass["trust"]
+    }});
+    assert_eq!(list["items"][1]["estimates"], expected);
+    let without = app.get("/v1/jobs?view=summary").await.expect(200).json();
+    assert!(without["items"][1].get("estimates").is_none());
+    app.get("/v1/jobs?estimates=mass").await.problem(422);
 }

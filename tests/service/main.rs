@@ -17,6 +17,7 @@ mod datasets;
 mod designs;
 mod disturbances;
 mod posteriors;
+mod prepared_datasets;
 
 mod problems;
 
@@ -50,6 +51,7 @@ mod older;
 
 mod quad_tank;
 
+mod stream_marks;
 mod streams;
 
 mod named_layouts;

@@ -67,6 +67,8 @@
 //!    verdict.
 //! 3. [`identification::assemble`] writes the [`Outcome`]; [`report`] makes a page of it.
 
+pub mod preparation;
+
 pub mod report;
 
 pub mod identification;

@@ -1,6 +1,6 @@
 //! A recording: signals over one time axis, and what their source said of them.
 
-use super::{DoubleHour, RecordingSource, Signal, TimeAxis, Warning};
+use super::{DoubleHour, Exclude, RecordingSource, Signal, TimeAxis, Warning};
 
 /// The most signals one recording may have.
 pub const MAX_SIGNALS: usize = 1000;
@@ -95,6 +95,17 @@ impl Recording {
         self.time.samples() * self.signals.len() * size_of::<f64>()
     }
 
+    /// Makes the samples missing that are left out. Answers how many they are.
+    pub fn leave_out(&mut self, exclude: &Exclude) -> usize {
+        let mut left_out = 0;
+        for signal in &mut self.signals {
+            let mut values = signal.values.clone();
+            left_out += exclude.apply(signal, &self.time, 0, &mut values);
+            signal.values = values;
+        }
+        left_out
+    }
+
     /// The signal of that name.
     #[must_use]
     pub fn signal(&self, name: &str) -> Option<&Signal> {
@@ -120,7 +131,8 @@ impl<S> Recording<S> {
 }
 
 /// Why `name` cannot name a signal or a recording: a code and a sentence.
-pub(crate) fn name_fault(name: &str) -> Option<(&'static str, String)> {
+#[must_use]
+pub fn name_fault(name: &str) -> Option<(&'static str, String)> {
     if name.is_empty() {
         Some(("empty_name", "the name is empty".to_owned()))
     } else if name.chars().count() > MAX_NAME_CHARACTERS {

@@ -187,6 +187,16 @@ impl Signal {
         }
     }
 
+    /// The class of each sample.
+    #[must_use]
+    pub fn class_of_each(&self) -> Vec<Class> {
+        let mut classes = vec![Class::Good; self.values.len()];
+        for span in &self.classes {
+            classes[span.first..span.first + span.samples].fill(span.class);
+        }
+        classes
+    }
+
     /// How many samples are missing.
     #[must_use]
     pub fn missing(&self) -> usize {

@@ -4,7 +4,7 @@ use super::profile::SignalProfile;
 use super::quality::{self, QualityReport};
 use super::rows::RowSample;
 use super::{
-    Class, ClassCounts, ClassSpan, Interpolation, NamedSignal, ReceivedRecording, Recording,
+    ClassCounts, ClassSpan, Interpolation, NamedSignal, ReceivedRecording, Recording,
     RecordingSource, Signal, TimeAxis,
 };
 use jiff::Timestamp;
@@ -130,10 +130,7 @@ fn report_by_signal(recording: &Recording) -> QualityReport {
 
 /// A signal as a recording of its own, and when that begins `[s]`: the samples that say something.
 fn alone(signal: &Signal, time: &TimeAxis) -> (f64, Recording) {
-    let mut classes = vec![Class::Good; signal.values.len()];
-    for span in &signal.classes {
-        classes[span.first..span.first + span.samples].fill(span.class);
-    }
+    let classes = signal.class_of_each();
     let says = |k: &usize| {
         let sample = RowSample {
             value: signal.values[*k],

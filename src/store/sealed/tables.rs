@@ -372,6 +372,19 @@ pub(in crate::store) const LAYOUTS: Sealed = Sealed {
     seal: "seal",
 };
 
+pub(in crate::store) const STREAM_MARKS: Sealed = Sealed {
+    what: "marks of a stream",
+    table: "stream_marks",
+    key: &[Text("project"), Text("name")],
+    content: &[
+        Integer("number"),
+        Text("marks"),
+        Text("changed_by"),
+        Text("changed_at"),
+    ],
+    seal: "seal",
+};
+
 pub(in crate::store) const SOURCES: Sealed = Sealed {
     what: "source",
     table: "sources",

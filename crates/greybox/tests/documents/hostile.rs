@@ -35,11 +35,7 @@ const BOUNDS: &[(bool, &str, &str)] = &[
     (false, "kinks", "are more than 64"),
     (false, "one expression of 1 MB", "are more than 4096"),
     (false, "sums of 84 terms", "more than 1024 operations"),
-    (
-        false,
-        "sums of unknown names",
-        "` is not a name of this model",
-    ),
+    (false, "sums of unknown names", "` is not a name here"),
     (false, "sums of unknown functions", "` is not a function"),
     (false, "a chain of names", "nested too deeply"),
     (

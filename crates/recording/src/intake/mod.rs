@@ -56,6 +56,7 @@ use error::{malformed, told};
 use format::{HEAD_BYTES, whole_lines};
 use gzip::Unpacked;
 use memory::Memory;
+use std::borrow::Cow;
 use std::io::{self, BufRead, BufReader, Cursor, Read};
 
 /// Reads a recording into memory.
@@ -227,6 +228,12 @@ fn layout_of_text(format: Format, head: &[u8], options: &Options) -> Result<Layo
     }
     layout.format = format.name();
     Ok(layout)
+}
+
+/// The SI unit of values in a recorded unit; nothing where the unit is not known.
+#[must_use]
+pub fn si_unit(unit: &str) -> Option<Cow<'static, str>> {
+    units::parse(unit).map(|unit| unit.si)
 }
 
 /// How values in a recorded unit become SI; nothing where none was said, or the unit is not known.

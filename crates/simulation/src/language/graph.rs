@@ -120,6 +120,23 @@ impl Graph {
         Ok(id)
     }
 
+    /// The value of a node, with a value for each leaf before it. The values of all nodes before it are left in
+    /// `computed`.
+    #[must_use]
+    pub fn value(&self, node: NodeId, leaf: impl Fn(Leaf) -> f64, computed: &mut Vec<f64>) -> f64 {
+        computed.clear();
+        for node in &self.nodes[..=usize::from(node)] {
+            computed.push(match node {
+                GraphNode::Constant(value) => *value,
+                GraphNode::Leaf(outside) => leaf(*outside),
+                GraphNode::Compute(operation, on) => {
+                    operation::apply(*operation, on.map(|node| computed[usize::from(node)]), &[])
+                }
+            });
+        }
+        computed[usize::from(node)]
+    }
+
     /// For each node, whether any node of `wanted` needs its value.
     #[must_use]
     pub fn needed(&self, wanted: impl IntoIterator<Item = NodeId>) -> Vec<bool> {

@@ -87,6 +87,18 @@ def test_what_is_marked_is_left_out(api):
 
 
 @needs_server
+def test_a_recording_is_prepared_from_another(api):
+    frame = recorded(200, pd.Index([0.1 * k for k in range(200)]))
+    recording = api.upload(frame, name="to be prepared", units={"u": "V", "y": "V"})
+    steps = [{"step": "cut", "from_s": 5}, {"step": "calculate", "signal": "both", "equation": "u + y"}]
+    prepared = recording.prepare(*steps, name="prepared")
+    assert (prepared.document["name"], prepared.document["samples"]) == ("prepared", 150)
+    samples = prepared.frame()
+    assert (samples.iloc[:, 2] - samples.iloc[:, 0] - samples.iloc[:, 1]).abs().max() < 1e-9
+    assert len(recording.frame()) == 200
+
+
+@needs_server
 def test_a_refusal_says_where(api):
     with pytest.raises(Problem) as refused:
         api.submit("single_rod_servoo", "ds_00000000000000000000000000000000")

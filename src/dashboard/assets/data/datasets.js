@@ -14,6 +14,7 @@ import { prepare } from "../shell/prepared.js";
 import { Marking } from "./marking.js";
 import { partAround } from "./marks.js";
 import { signalPlots } from "./plots.js";
+import { origin, Preparing } from "./preparing.js";
 import { qualityList } from "./quality.js";
 import { uploader } from "./upload.js";
 
@@ -107,15 +108,19 @@ function datasetParts(view, dataset, outcome) {
   const windows = windowsOfNewJob(view, dataset, marking);
   const samples = samplesPart(view, dataset, outcome, windows.chooser);
   marking.join(windows.chooser, samples);
+  const preparing = new Preparing(view, dataset);
   return [
     h(
       "div",
       { class: "actions" },
       windows.start,
+      preparing.button,
       h("button", { type: "button", onclick: () => saveCsv(dataset, outcome) }, "Download CSV"),
       h("button", { type: "button", class: "danger", onclick: () => remove(dataset, outcome) }, "Delete"),
     ),
+    preparing.element,
     facts([
+      ...origin(dataset),
       ["Samples", count(dataset.samples)],
       ["Duration", duration(dataset.duration_s)],
       ["Sample time", sampleTime(dataset)],

@@ -4,8 +4,8 @@
 
 import { get } from "../shell/api.js";
 import { facts, h, notice } from "../shell/dom.js";
-import { duration } from "../shell/format.js";
 import { isAtRest, isFinished } from "./feed.js";
+import { TimeLeft } from "./time_left.js";
 
 /**
  * `counts(job, latest)` lists the facts about the work, `report(result, job)` gives the elements of the result, and
@@ -35,20 +35,16 @@ export function plainPanel(view, { label, title, counts, report, interim }) {
     content,
   );
   const state = { job: null, latest: null, shown: null };
+  const timeLeft = new TimeLeft(view, () => tell());
   const tell = () => {
     const { job, latest } = state;
-    const left = job.progress?.eta_s;
-    numbers.replaceChildren(
-      facts([
-        ...counts(job, latest),
-        ["Time left", job.status === "running" && Number.isFinite(left) ? `at most ${duration(left)}` : null],
-      ]),
-    );
+    numbers.replaceChildren(facts([...counts(job, latest), ["Time left", timeLeft.text(job)]]));
   };
   return {
     element,
     async job(job) {
       state.job = job;
+      timeLeft.follow(job);
       bar.value = job.progress?.fraction ?? 0;
       bar.hidden = isFinished(job);
       tell();

@@ -3,8 +3,9 @@
 
 import { plot } from "../plot/plot.js";
 import { facts, h, warningList } from "../shell/dom.js";
-import { count, duration, number, words } from "../shell/format.js";
+import { count, number, words } from "../shell/format.js";
 import { isFinished } from "./feed.js";
+import { TimeLeft } from "./time_left.js";
 
 export function progressPanel(view) {
   const bar = h("progress", { max: "1", value: "0", "aria-label": "Progress of the job" });
@@ -41,11 +42,13 @@ export function progressPanel(view) {
     posterior,
   );
   const state = { job: null, last: null };
-  const tell = () => state.job && numbers.replaceChildren(counts(state.job, state.last));
+  const tell = () => state.job && numbers.replaceChildren(counts(state.job, state.last, timeLeft));
+  const timeLeft = new TimeLeft(view, () => tell());
   return {
     element,
     job(job) {
       state.job = job;
+      timeLeft.follow(job);
       bar.value = job.status === "succeeded" ? 1 : (job.progress?.fraction ?? 0);
       bar.hidden = isFinished(job);
       tell();
@@ -69,8 +72,8 @@ export function progressPanel(view) {
 
 // The search's own numbers are those of its last generation; what followed the search has a cost of its
 // own, which counts all samples.
-function counts(job, last) {
-  const { phase, generation, generations, evaluations, eta_s: left } = job.progress ?? {};
+function counts(job, last, timeLeft) {
+  const { phase, generation, generations, evaluations } = job.progress ?? {};
   // The plots show the generations that have been read, and the numbers beside them are of the last of these.
   const at = last?.generation ?? generation ?? 0;
   const judged = last ? Math.max(last.evaluations, evaluations ?? 0) : evaluations;
@@ -81,12 +84,7 @@ function counts(job, last) {
     ["Evaluations", judged === undefined ? null : count(judged)],
     ["Best cost in the search", last && number(last.best_cost)],
     ["Best credit", last && number(last.best_credit, 3)],
-    [
-      "Time left, at the most",
-      job.status === "running" && Number.isFinite(left)
-        ? `${duration(left)}; most searches end earlier`
-        : null,
-    ],
+    ["Time left", timeLeft.text(job)],
   ]);
 }
 

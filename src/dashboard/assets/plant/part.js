@@ -4,6 +4,7 @@
 
 import { isoText } from "../plot/clock.js";
 import { PlotGroup } from "../plot/group.js";
+import { isAbout } from "../plot/math.js";
 import { plot } from "../plot/plot.js";
 import { get, query } from "../shell/api.js";
 import { h, notice, table } from "../shell/dom.js";
@@ -48,6 +49,10 @@ export class PartPlots {
     });
     this.names = stream.signals.map(({ name }) => name);
     this.place = h("div", {});
+    /** @type {{ name: string, chart: any }[]} */
+    this.charts = [];
+    /** @type {any[]} */
+    this.spans = [];
     this.more = h("button", { type: "button", onclick: () => this.plotMore() }, "Plot more signals");
     this.element = h(
       "div",
@@ -176,9 +181,19 @@ export class PartPlots {
         return [times, [values]];
       });
       chart.show(this.group.part);
+      this.charts.push({ name, chart });
       this.place.append(chart.element);
     }
+    this.shade(this.spans);
     this.more.hidden = this.names.length === 0;
+  }
+
+  // Shades spans of the signals on their plots.
+  shade(spans) {
+    this.spans = spans;
+    for (const { name, chart } of this.charts) {
+      chart.setSpans(spans.filter(isAbout(name)));
+    }
   }
 
   plotMore() {

@@ -9,6 +9,7 @@ import { count, duration, instant, size } from "../shell/format.js";
 import { nameHeading, plantHead } from "./head.js";
 import { isoAfter, isoBefore, partNamed, secondsOf } from "./instants.js";
 import { PartPlots } from "./part.js";
+import { StreamMarks } from "./stream_marks.js";
 
 const POLL_MS = 5000;
 
@@ -84,7 +85,8 @@ class StreamPage {
     this.element.hidden = false;
     this.plots?.leave();
     const { view } = this;
-    this.plots = stream.first ? new PartPlots({ view, address: this.address, stream }) : null;
+    const plots = stream.first ? new PartPlots({ view, address: this.address, stream }) : null;
+    this.plots = plots;
     const ofStream = query({ stream: this.name });
     this.element.replaceChildren(
       h(
@@ -107,13 +109,21 @@ class StreamPage {
         ),
       ),
       this.facts,
-      ...(this.plots ? this.partOf(this.plots) : [h("p", {}, "It has no samples.")]),
+      ...(plots ? this.partOf(plots, stream) : [h("p", {}, "It has no samples.")]),
     );
     this.plots?.start(this.part);
     this.part = null;
   }
 
-  partOf(plots) {
+  partOf(plots, stream) {
+    const marks = new StreamMarks({
+      view: this.view,
+      address: this.address,
+      signals: stream.signals,
+      chosen: () => plots.chosen(),
+      show: (from, to) => plots.group.show([from, to]),
+      changed: (spans) => plots.shade(spans),
+    });
     const name = h("input", { type: "text", maxlength: "200", placeholder: `${this.name}, part` });
     const button = (title, act, look) => h("button", { type: "button", class: look, onclick: act }, title);
     return [
@@ -127,6 +137,7 @@ class StreamPage {
         button("Download the part as CSV", () => this.saveCsv()),
         button("Remove these samples", () => this.removePart(), "danger"),
       ),
+      marks.element,
       plots.element,
     ];
   }

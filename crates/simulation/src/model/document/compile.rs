@@ -348,7 +348,7 @@ impl<'d> Compiler<'d> {
                 return None;
             }
             let hint = self.hint(name);
-            let detail = format!("`{name}` is not a name of this model{hint}");
+            let detail = format!("`{name}` is not a name here{hint}");
             self.fault(place, span, "unknown_name", detail);
             return None;
         };

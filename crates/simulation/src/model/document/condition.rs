@@ -1,9 +1,8 @@
 //! Conditions on the parameters of a model: `tau1 < tau2`, `k1 + k2 <= 1`.
 
 use super::compile::{Compiler, Timing};
-use super::definition::{Declared, Definition, ModelOptions, Parameter, Written};
+use super::definition::{Declared, Definition, Parameter, Written};
 use crate::language::graph::{Graph, GraphNode, Leaf, NodeId};
-use crate::language::operation;
 use crate::language::syntax::{self, Expression, Operator, Syntax};
 use crate::language::unit::ValueUnit;
 use crate::model::{ModelDescription, ParameterDescription};
@@ -118,18 +117,11 @@ impl Condition {
     /// is at least 0.
     #[must_use]
     pub fn slack(&self, values: &[f64]) -> f64 {
-        let mut computed: Vec<f64> = Vec::with_capacity(usize::from(self.slack) + 1);
-        for node in &self.graph.nodes()[..=usize::from(self.slack)] {
-            computed.push(match node {
-                GraphNode::Constant(value) => *value,
-                GraphNode::Leaf(Leaf::Parameter(place)) => values[usize::from(*place)],
-                GraphNode::Leaf(_) => f64::NAN,
-                GraphNode::Compute(operation, on) => {
-                    operation::apply(*operation, on.map(|node| computed[usize::from(node)]), &[])
-                }
-            });
-        }
-        computed[usize::from(self.slack)]
+        let leaf = |leaf| match leaf {
+            Leaf::Parameter(place) => values[usize::from(place)],
+            _ => f64::NAN,
+        };
+        self.graph.value(self.slack, leaf, &mut Vec::new())
     }
 }
 
@@ -215,18 +207,8 @@ fn definition_of(model: &ModelDescription) -> Definition {
     };
     Definition {
         name: model.name.to_string(),
-        title: String::new(),
-        summary: String::new(),
-        source: String::new(),
-        inputs: Vec::new(),
         parameters: model.parameters.iter().map(parameter).collect(),
-        constants: Vec::new(),
-        tables: Vec::new(),
-        quantities: Vec::new(),
-        sampled: Vec::new(),
-        states: Vec::new(),
-        outputs: Vec::new(),
-        options: ModelOptions::default(),
+        ..Definition::default()
     }
 }
 

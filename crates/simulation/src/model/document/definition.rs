@@ -7,7 +7,7 @@ use crate::language::unit::ValueUnit;
 use crate::model::{Scale, Tolerance};
 
 /// A document, read.
-#[derive(Debug)]
+#[derive(Debug, Default)]
 pub struct Definition {
     pub name: String,
     pub title: String,

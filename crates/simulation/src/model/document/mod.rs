@@ -5,6 +5,7 @@
 //! [`crate::program`] runs them. A document can be slow or wrong but cannot disturb
 //! another.
 
+mod calculation;
 mod compile;
 mod condition;
 mod definition;
@@ -14,6 +15,7 @@ mod reading;
 mod reference;
 mod runnable;
 
+pub use calculation::{Calculation, Quantity};
 pub use condition::Condition;
 pub use reference::{Referenced, referenced};
 pub use runnable::{Read, read};

@@ -370,6 +370,11 @@ class Dataset(_Resource):
         self.document["version"] = version["number"]
         return version
 
+    def prepare(self, *steps: dict[str, Any], name: str | None = None, version: int | None = None) -> Dataset:
+        """Makes another recording of it, step by step: `{"step": "cut", "from_s": 10}`, `{"step": "resample", …}`."""
+        body = {"steps": list(steps), "name": name, "version": version}
+        return Dataset(self._client, self._client.post(f"{self.path}/prepared", json=body))
+
 
 class Job(_Resource):
     """A job."""
