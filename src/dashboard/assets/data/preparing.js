@@ -131,6 +131,11 @@ export class Preparing {
     );
   }
 
+  /**
+   * @param {import("./recipe.js").StepDraft} draft
+   * @param {import("./recipe.js").StepField} shown
+   * @param {(string | number)[]} path
+   */
   field(draft, { member, title, choices, kind, wide }, path) {
     const keep = (event) => {
       draft.texts[member] = event.target.value;

@@ -7,7 +7,7 @@ import { count, duration } from "../shell/format.js";
 // The times of other jobs are asked for so often at the most.
 const EVERY_MS = 10_000;
 
-/** @typedef {{ jobs: number, longer: number, half_s: number | null, nine_in_ten_s: number | null }} Left */
+/** @typedef {{ jobs: number, longer: number, half_s?: number | null, nine_in_ten_s?: number | null }} Left */
 
 /**
  * Says how long a job may go on: by jobs like it where these are enough, and by the limits of the job.

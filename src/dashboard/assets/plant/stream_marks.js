@@ -31,6 +31,7 @@ export const spansOf = (marks) =>
     signals,
   }));
 
+/** @param {StreamMark} mark */
 const signalsOf = ({ signals }) => (signals ? signals.map(words).join(", ") : "all signals");
 
 export class StreamMarks {
