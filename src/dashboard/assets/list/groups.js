@@ -3,8 +3,7 @@
 // below each other, under a heading that can be closed. Its functions are pure.
 
 import { words } from "../shell/format.js";
-
-const LABEL = "label:";
+import { LABEL } from "./filter.js";
 
 const KEYS = {
   status: ({ status }) => status,
