@@ -121,7 +121,7 @@ static ASSETS: LazyLock<Vec<Asset>> = LazyLock::new(|| {
 
 #[rustfmt::skip]
 fn embedded() -> impl IntoIterator<Item = Asset> { assets! {
-    "compare": "differences.js" "jobs.js" "methods.js";
+    "compare": "differences.js" "jobs.js" "kinds.js" "methods.js" "outputs.js";
     "data": "datasets.js" "layout.js" "layouts.js" "lines.js" "mark_form.js" "marking.js" "marks.css" "marks.js" "options.js" "plots.js"
         "quality.js" "roles.js" "units.js" "upload.js" "versions.js";
     "docs": "guide.css" "reference.js";

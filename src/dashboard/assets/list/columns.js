@@ -108,7 +108,7 @@ export function columnsOffered(labels, estimates = []) {
     })),
     ...[...estimates].sort().map((name) => ({
       key: `${ESTIMATE}${name}`,
-      title: words(name),
+      title: words(name).replace(/\[(\d+)\]$/, (_, k) => `, experiment ${Number(k) + 1}`),
       text: (/** @type {any} */ job) => estimateText(job.estimates?.[name]),
       widest: WIDEST_TRUST,
       numeric: true,

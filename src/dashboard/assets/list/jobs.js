@@ -240,14 +240,11 @@ class JobList {
     this.changed();
   }
 
-  // A design or a selection of windows has no method and no estimate to compare.
   choose() {
-    const { selected } = this.rows;
-    const chosen = selected.size;
-    const estimates = [...selected].every((id) => this.jobs.get(id)?.method);
-    this.compare.disabled = !estimates || chosen < COMPARED[0] || chosen > COMPARED[1];
+    const chosen = this.rows.selected.size;
+    this.compare.disabled = chosen < COMPARED[0] || chosen > COMPARED[1];
     this.compare.textContent = chosen ? `Compare ${chosen}` : "Compare";
-    this.compare.title = this.compare.disabled ? "Select two to ten jobs that estimate parameters" : "";
+    this.compare.title = this.compare.disabled ? "Select two to ten jobs" : "";
     this.bulk.draw();
   }
 

@@ -13,14 +13,17 @@ import { viewMenu } from "./views.js";
 // The most models of which a job is asked for the names of its estimates.
 const MOST_MODELS = 12;
 
-// Lists the names that a job estimates, by its specification.
+// Lists the names that a job estimates, by its specification: `load[1]` is the load of the second experiment alone.
 /** @param {any} spec @returns {string[]} */
 export function namesEstimated({ parameters, experiments = [] }) {
-  const all = [parameters, ...experiments.map((experiment) => experiment.parameters)];
-  return all
-    .flatMap((named) => Object.entries(named ?? {}))
-    .filter(([, parameter]) => parameter?.estimate)
-    .map(([name]) => name);
+  const free = (named) =>
+    Object.entries(named ?? {})
+      .filter(([, parameter]) => parameter?.estimate)
+      .map(([name]) => name);
+  return [
+    ...free(parameters),
+    ...experiments.flatMap((experiment, k) => free(experiment.parameters).map((name) => `${name}[${k}]`)),
+  ];
 }
 
 export class LayoutFields {
