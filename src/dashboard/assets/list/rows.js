@@ -254,9 +254,14 @@ function fill(cell, { key, text, estimate }, job) {
   }
 }
 
-// A text has two lines at the most.
+// A text has two lines at the most, and parts behind the signs within names rather than within a word.
 function lines(content) {
-  return h("span", { class: "lines" }, content);
+  const parts = typeof content === "string" ? content.split(/(?<=[_@])/) : [content];
+  return h(
+    "span",
+    { class: "lines" },
+    parts.map((part, k) => (k ? [h("wbr"), part] : part)),
+  );
 }
 
 function put(cell, key, make) {
