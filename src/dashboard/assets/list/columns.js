@@ -111,6 +111,7 @@ export function columnsOffered(labels, estimates = []) {
       title: words(name).replace(/\[(\d+)\]$/, (_, k) => `, experiment ${Number(k) + 1}`),
       text: (/** @type {any} */ job) => estimateText(job.estimates?.[name]),
       widest: WIDEST_TRUST,
+      narrow: true,
       numeric: true,
       estimate: name,
     })),

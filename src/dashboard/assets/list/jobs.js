@@ -79,6 +79,7 @@ class JobList {
     // The names of the estimates that are asked for, and the jobs whose estimates are to be read anew.
     this.estimates = estimatesAsked(this.filter);
     this.outdated = new Set();
+    this.isReading = false;
     this.closed = new Set();
     this.labels = new Set();
     this.jobs = new Map();
@@ -369,7 +370,7 @@ class JobList {
     };
     stream.addEventListener("job", (event) => {
       const job = JSON.parse(event.data);
-      this.readsEstimatesOf(job);
+      this.readEstimatesOf(job);
       this.take(job);
       this.drawSoon();
     });
@@ -384,16 +385,19 @@ class JobList {
   }
 
   // An event has no estimates: those of a job with another result are read, one job after the other.
-  async readsEstimatesOf({ id, status, trust }) {
+  async readEstimatesOf({ id, status, trust }) {
     const before = this.jobs.get(id);
     if (!trust || this.estimates.length === 0 || (before?.status === status && before?.trust === trust)) {
       return;
     }
     this.outdated.add(id);
-    if (this.outdated.size > 1) {
+    if (this.isReading) {
       return;
     }
+    this.isReading = true;
     for (const text of this.outdated) {
+      // A job that changes meanwhile is read once more.
+      this.outdated.delete(text);
       try {
         const asked = { limit: 1, text, estimates: this.estimates };
         const { data } = await readPage(asked, this.view.signal);
@@ -402,8 +406,8 @@ class JobList {
       } catch (error) {
         this.outcome.fail(error);
       }
-      this.outdated.delete(text);
     }
+    this.isReading = false;
   }
 
   // Reads all jobs. Each page is asked for before the page ahead of it is handled, and the list is drawn once
