@@ -55,6 +55,8 @@ export class LayoutFields {
       },
     });
     this.list = h("div", {});
+    this.heading = h("p", { class: "quiet" }, "Estimates");
+    this.boxes = new Map();
     const columns = dropdown("Columns", h("div", { class: "columns" }, this.list, this.nameForm()), signal);
     columns.addEventListener("toggle", () => columns.open && this.askNames());
     this.elements = [
@@ -133,7 +135,7 @@ export class LayoutFields {
     this.add.disabled = isFull;
   }
 
-  // Offers what the jobs have: the groupings, the labels and the estimates. The focus stays where it is.
+  // Offers what the jobs have: the groupings, the labels and the estimates.
   draw() {
     const { group, columns } = this.filter;
     const keys = [group, ...columns];
@@ -147,27 +149,41 @@ export class LayoutFields {
         h("option", { value: key, selected: key === group }, title),
       ),
     );
-    const box = ({ key, title, fixed }) =>
+    const offered = columnsOffered(labels, estimates);
+    const boxes = [
+      ...offered.filter(({ estimate }) => !estimate).map((column) => this.box(column)),
+      this.heading,
+      ...offered.filter(({ estimate }) => estimate).map((column) => this.box(column)),
+    ];
+    boxes.forEach((box, k) => {
+      const there = this.list.children[k] ?? null;
+      there === box || this.list.insertBefore(box, there);
+    });
+    while (this.list.children.length > boxes.length) {
+      this.list.lastElementChild.remove();
+    }
+    this.limit();
+  }
+
+  // A column has the same box as long as the list is there, so that a click and the focus always meet it.
+  /** @param {import("./columns.js").Column} column */
+  box({ key, title, fixed }) {
+    const isChosen = fixed || this.filter.columns.includes(key);
+    const box =
+      this.boxes.get(key) ??
       h(
         "label",
         { class: "inline" },
         h("input", {
           type: "checkbox",
           name: key,
-          checked: fixed || columns.includes(key),
           "data-fixed": fixed,
           onchange: ({ target }) => this.choose(key, target.checked),
         }),
         title,
       );
-    const offered = columnsOffered(labels, estimates);
-    const focused = document.activeElement instanceof HTMLInputElement && document.activeElement.name;
-    this.list.replaceChildren(
-      ...offered.filter(({ estimate }) => !estimate).map(box),
-      h("p", { class: "quiet" }, "Estimates"),
-      ...offered.filter(({ estimate }) => estimate).map(box),
-    );
-    focused && this.list.querySelector(`input[name="${CSS.escape(focused)}"]`)?.focus();
-    this.limit();
+    box.querySelector("input").checked = isChosen;
+    this.boxes.set(key, box);
+    return box;
   }
 }
