@@ -11,6 +11,9 @@ import { base, designJob, ended, JOB, post, recording } from "./server.mjs";
 const skip = base && tools ? false : "GREYBOX_URL and PAGE_TOOLS are not set";
 const LARGEST = "18446744073709551615";
 const ODD = "9007199254740993";
+// The jobs are those of this run alone, whatever the server had before.
+const visit = `v${Date.now()}`;
+const labels = { visit };
 // The tests share the browser, the recording, two jobs of it and a design.
 const shared = { browser: null, checker: null, dataset: null, jobs: [], design: null };
 
@@ -21,7 +24,7 @@ before(async () => {
   Object.assign(shared, await launch());
   shared.dataset = (await post("/v1/datasets?name=drive", await recording(), "text/csv")).id;
   for (const method of ["icra_genetic", "cma_es"]) {
-    shared.jobs.push((await post("/v1/jobs", { ...JOB(shared.dataset, method), labels: { of: "list" } })).id);
+    shared.jobs.push((await post("/v1/jobs", { ...JOB(shared.dataset, method), labels })).id);
   }
   shared.design = (await designJob({ families: ["sine"], points: 1, duration_s: 1 })).id;
   for (const id of [...shared.jobs, shared.design]) {
@@ -46,7 +49,7 @@ const hasEstimate = (page, id) =>
   );
 
 test("estimates are columns: offered, typed, kept, sorted by, and up to date", { skip }, async () => {
-  const page = await open("/#/jobs?label=of:list");
+  const page = await open(`/#/jobs?label=visit:${visit}`);
   const asked = [];
   page.on("request", (request) => {
     const { pathname, searchParams } = new URL(request.url());
@@ -69,7 +72,7 @@ test("estimates are columns: offered, typed, kept, sorted by, and up to date", {
   await page.keyboard.press("Escape");
 
   // A job that ends while the list is open gets its estimate.
-  const job = { ...JOB(shared.dataset, "cma_es"), name: "later", labels: { of: "list" } };
+  const job = { ...JOB(shared.dataset, "cma_es"), name: "later", labels };
   const { id } = await post("/v1/jobs", job);
   await page.waitForSelector(row(id), PATIENCE);
   await hasEstimate(page, id);
@@ -122,7 +125,7 @@ test("an estimation is compared with a design from the list", { skip }, async ()
   await says(page, "/method/name");
   await page.close();
   const compared = `/#/compare?jobs=${[...shared.jobs, shared.design].join(",")}`;
-  const listed = "/#/jobs?columns=status,name,estimate:mass,estimate:offset&label=of:list";
+  const listed = `/#/jobs?columns=status,name,estimate:mass,estimate:offset&label=visit:${visit}`;
   const faults = [];
   for (const size of [...SIZES, { width: 2560, height: 1440, scheme: "light" }]) {
     const { checker } = shared;
