@@ -5,7 +5,7 @@
 import { get, query } from "../shell/api.js";
 import { described, namesIn } from "../shell/description.js";
 import { h, notice } from "../shell/dom.js";
-import { count, words } from "../shell/format.js";
+import { count, instant, words } from "../shell/format.js";
 import { FOLLOWS } from "../shell/prepared.js";
 import { BulkActions } from "./bulk.js";
 import { columnsShown, USUAL } from "./columns.js";
@@ -36,6 +36,8 @@ let newest = null;
 export function askAhead(address) {
   newest = readPage({ limit: FIRST_PAGE, estimates: estimatesAsked(filterOf(address)) });
   newest.catch(() => {});
+  // The format of instants takes milliseconds to make, in which the server answers.
+  instant(new Date().toISOString());
 }
 
 // What an address leaves out is as it was chosen last.
