@@ -254,9 +254,9 @@ function fill(cell, { key, text, estimate }, job) {
   }
 }
 
-// A text has two lines at the most, and parts behind the signs within names rather than within a word.
+// A text has two lines at the most; a name parts behind an underscore rather than within a word.
 function lines(content) {
-  const parts = typeof content === "string" ? content.split(/(?<=[_@])/) : [content];
+  const parts = typeof content === "string" ? content.split(/(?<=_)/) : [content];
   return h(
     "span",
     { class: "lines" },
