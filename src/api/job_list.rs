@@ -155,6 +155,8 @@ pub struct JobSummary {
     name: Option<String>,
     /// Words to find the job by.
     labels: BTreeMap<String, String>,
+    /// A note for people.
+    note: Option<String>,
     /// The state of the job.
     status: Status,
     /// The model whose parameters the job estimates.
@@ -232,6 +234,7 @@ impl From<JobSummaryRow> for JobSummary {
             id: row.id,
             name: row.name,
             labels: row.labels,
+            note: row.note,
             status: row.status,
             model: row.model,
             method: row.method,

@@ -28,6 +28,22 @@ fn described() -> OpenApiRouter<ApiState> {
         .routes(routes!(health::version))
         .routes(routes!(health::metrics))
         .routes(routes!(document))
+        .merge(recordings_and_models())
+        .merge(streams_and_monitors())
+        .merge(jobs_and_computations())
+        .routes(routes!(session::sign_in, session::show, session::sign_out))
+        .routes(routes!(session::provider::leave))
+        .routes(routes!(session::provider::arrive))
+        .routes(routes!(audit::list))
+        .routes(routes!(webhooks::create, webhooks::list))
+        .routes(routes!(webhooks::show, webhooks::remove))
+        .routes(routes!(webhooks::deliveries))
+        .routes(routes!(webhooks::show_delivery))
+        .routes(routes!(webhooks::resend))
+}
+
+fn recordings_and_models() -> OpenApiRouter<ApiState> {
+    OpenApiRouter::new()
         .routes(routes!(datasets::create, datasets::list))
         .routes(routes!(datasets::show, datasets::remove))
         .routes(routes!(dataset_samples::samples))
@@ -42,6 +58,10 @@ fn described() -> OpenApiRouter<ApiState> {
         ))
         .routes(routes!(models::create, models::list))
         .routes(routes!(models::show, models::remove))
+}
+
+fn streams_and_monitors() -> OpenApiRouter<ApiState> {
+    OpenApiRouter::new()
         .routes(routes!(streams::list))
         .routes(routes!(streams::append, streams::show, streams::remove))
         .routes(routes!(streams::cut::cut))
@@ -63,6 +83,10 @@ fn described() -> OpenApiRouter<ApiState> {
         .routes(routes!(monitors::windows))
         .routes(routes!(monitors::alarms))
         .routes(routes!(monitors::events::events))
+}
+
+fn jobs_and_computations() -> OpenApiRouter<ApiState> {
+    OpenApiRouter::new()
         .routes(routes!(simulations::simulate))
         .routes(routes!(demonstration::show))
         .routes(routes!(designs::design))
@@ -86,15 +110,6 @@ fn described() -> OpenApiRouter<ApiState> {
         .routes(routes!(posterior::posterior))
         .routes(routes!(report::report))
         .routes(routes!(verdict_rules::list))
-        .routes(routes!(session::sign_in, session::show, session::sign_out))
-        .routes(routes!(session::provider::leave))
-        .routes(routes!(session::provider::arrive))
-        .routes(routes!(audit::list))
-        .routes(routes!(webhooks::create, webhooks::list))
-        .routes(routes!(webhooks::show, webhooks::remove))
-        .routes(routes!(webhooks::deliveries))
-        .routes(routes!(webhooks::show_delivery))
-        .routes(routes!(webhooks::resend))
 }
 
 /// The resources, without what [`with_middleware`](super::with_middleware) puts around them.

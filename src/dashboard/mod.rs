@@ -121,14 +121,14 @@ static ASSETS: LazyLock<Vec<Asset>> = LazyLock::new(|| {
 
 #[rustfmt::skip]
 fn embedded() -> impl IntoIterator<Item = Asset> { assets! {
-    "compare": "differences.js" "jobs.js" "methods.js";
+    "compare": "differences.js" "jobs.js" "kinds.js" "methods.js" "outputs.js";
     "data": "datasets.js" "layout.js" "layouts.js" "lines.js" "mark_form.js" "marking.js" "marks.css" "marks.js" "options.js" "plots.js"
         "preparing.js" "quality.js" "recipe.js" "roles.js" "units.js" "upload.js" "versions.js";
     "docs": "guide.css" "reference.js";
     "job": "ancestry.js" "budget.js" "contents.js" "correlation.js" "design.js" "disturbance.js" "disturbance_words.js" "effects.js"
         "feed.js" "heat.js" "job.css" "job.js" "live.js" "naming.js" "plain.js" "posterior.js" "profiles.js" "progress.js" "reading.js"
         "residuals.js" "result.js" "ribbon.js" "selection.js" "tables.js" "time_left.js" "trajectory.js" "verdict.js" "windows.js";
-    "list": "bulk.js" "columns.js" "dropdown.js" "filter.js" "groups.js" "jobs.css" "jobs.js" "rows.js" "start.js" "views.js";
+    "list": "bulk.js" "columns.js" "dropdown.js" "filter.js" "groups.js" "jobs.css" "jobs.js" "layout.js" "rows.js" "start.js" "views.js";
     "model": "description.js" "editor.js" "equation.js" "excitation.js" "language.js" "models.js"
         "parameters.js" "picture.js" "signals.js" "simulation.js" "sliders.js" "trial.js";
     "new": "draft.js" "fields.js" "job.css" "job.js" "measurement.js" "model.js" "parameters.js" "preflight.js"
@@ -138,7 +138,7 @@ fn embedded() -> impl IntoIterator<Item = Asset> { assets! {
         "starts.js" "stream.js" "stream_marks.js" "streams.js" "trend.js" "watch.js" "webhooks.js" "windows.js";
     "plot": "axes.js" "clock.js" "group.js" "legend.js" "math.js" "plot.css" "plot.js" "save.js" "theme.js" "units.js"
         "whiskers.js";
-    "shell": "api.js" "description.js" "dom.js" "faults.js" "format.js" "icon.svg" "main.js" "prepared.js" "session.js"
+    "shell": "api.js" "description.js" "dom.js" "faults.js" "format.js" "icon.svg" "json.js" "main.js" "prepared.js" "session.js"
         "style.css";
     "text": "document.js" "editor.js";
     "vendor": "codemirror-6.43.15.LICENSE" "codemirror-6.43.15.min.js" "rapidoc-9.3.8-min.js"

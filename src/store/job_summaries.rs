@@ -8,7 +8,7 @@ use serde::Deserialize;
 
 use super::columns::{from_json, optional, optional_time, parse_id, parse_status, time};
 use super::database::{Kind, QueryBuilder, Row};
-use super::jobs::{Jobs, method, push_filter, trust};
+use super::jobs::{Jobs, method, note, push_filter, trust};
 use super::sealed::RESULTS;
 use super::{JobFilter, Page, StoreError, corrupt};
 use crate::access::Project;
@@ -28,6 +28,8 @@ pub struct JobSummaryRow {
     pub name: Option<String>,
     /// Labels to find the job by.
     pub labels: BTreeMap<String, String>,
+    /// A note for people.
+    pub note: Option<String>,
     /// The model's name.
     pub model: String,
     /// The method's name.
@@ -81,11 +83,12 @@ pub struct NamedDataset {
 const COLUMNS: &str = "id, project, name, labels, model, status, progress, created_at, started_at, \
      finished_at, ";
 
-/// The columns that are computed from others: the method of a job, its recordings as JSON, the grade of its result.
+/// The columns that are computed from others: the method and the note of a job, its recordings as JSON, the grade of its result.
 fn made(kind: Kind) -> String {
     format!(
-        "{} as method, {}, (select {} from results where job = jobs.id) as trust",
+        "{} as method, {} as note, {}, (select {} from results where job = jobs.id) as trust",
         method(kind),
+        note(kind),
         datasets(kind),
         trust(kind)
     )
@@ -222,6 +225,7 @@ fn read(row: &Row) -> Result<JobSummaryRow, StoreError> {
             .map_err(|why| corrupt("project", &id, why))?,
         name: row.try_get("name")?,
         labels: from_json("labels", &id, row.try_get("labels")?)?,
+        note: row.try_get("note")?,
         model: row.try_get("model")?,
         method: row.try_get("method")?,
         datasets: from_json("recordings", &id, row.try_get("datasets")?)?,

@@ -260,7 +260,7 @@ pub(super) fn trust(kind: Kind) -> &'static str {
 }
 
 /// The note of a job; nothing where its specification has none, or is damaged so that it cannot be read.
-fn note(kind: Kind) -> &'static str {
+pub(super) fn note(kind: Kind) -> &'static str {
     kind.either(
         "case when instr(spec, '\"note\"') > 0 and json_valid(spec) then json_extract(spec, '$.note') end",
         "case when strpos(spec, '\"note\"') > 0 then spec::json ->> 'note' end",

@@ -21,8 +21,9 @@ const { unknownsText } = await part("new/preflight.js");
 const { toleranceOf } = await part("model/parameters.js");
 const { failureList } = await part("list/bulk.js");
 const { columnsOffered, columnsShown, USUAL, widthNeeded, widthsIn } = await part("list/columns.js");
-const { arranged, fromQuery, matches, toQuery } = await part("list/filter.js");
+const { arranged, estimatesAsked, fromQuery, matches, toQuery } = await part("list/filter.js");
 const { entriesOf } = await part("list/groups.js");
+const { namesEstimated } = await part("list/layout.js");
 const { withView } = await part("list/views.js");
 const { parted } = await part("model/equation.js");
 const { specOf } = await part("shell/prepared.js");
@@ -328,6 +329,46 @@ test("the list has the chosen columns, labels among them, and always the name", 
   assert.equal(text("evaluations", job), "12\u202f000");
   assert.equal(text("cost", job), "0.25");
   assert.equal(text("cost", listed("job_2")), "–");
+});
+
+test("an estimate is a column like a label, and is asked for by its name", () => {
+  const spec = {
+    parameters: { mass: { estimate: { lower: 1 } }, damping: { value: 20 } },
+    experiments: [{ dataset: "ds_1" }, { parameters: { load: { estimate: {} } } }],
+  };
+  assert.deepEqual(namesEstimated(spec), ["mass", "load[1]"]);
+  const columns = ["status", "name", "estimate:mass", "estimate:load[1]"];
+  const filter = fromQuery(new URLSearchParams(toQuery({ ...fromQuery(new URLSearchParams()), columns })));
+  assert.deepEqual(estimatesAsked(filter), ["mass", "load[1]"]);
+  assert.deepEqual(estimatesAsked({ columns: ["status"], sort: "estimate:mass" }), ["mass"]);
+  const many = Array.from({ length: 30 }, (_, k) => `estimate:p${k}`);
+  assert.equal(estimatesAsked({ columns: many, sort: "created" }).length, 20);
+
+  const [, , load, mass] = columnsShown(columns);
+  assert.deepEqual([mass.title, load.title, mass.numeric], ["mass", "load, experiment 2", true]);
+  const job = (id, estimate) => listed(id, { estimates: estimate ? { mass: estimate } : {} });
+  const about = { value: 95.0112, unit: "kg", total_error: 0.42, trust: "high" };
+  assert.equal(mass.text(job("job_1", about), 0), "95.01 ± 0.42\u00a0kg");
+  assert.equal(mass.text(job("job_1", { ...about, unit: null, total_error: null }), 0), "95.0112");
+  assert.equal(mass.text(job("job_2"), 0), "");
+  assert.equal(mass.text(listed("job_3"), 0), "");
+  // A number is never cut: the least width has room for the longest.
+  assert.ok(widthNeeded(mass, [job("job_1", about)], 0).least > 7 * 15);
+});
+
+test("jobs are sorted by an estimate, and those without it come last in either direction", () => {
+  const value = (id, mass) => listed(id, { estimates: mass === null ? {} : { mass: { value: mass } } });
+  const jobs = [value("job_1", null), value("job_2", -3), value("job_3", 40), value("job_4", 5)];
+  const order = (descending) =>
+    arranged(jobs, { sort: "estimate:mass", descending }, 0).map(({ id }) => id.slice(-1));
+  assert.deepEqual(order(false), ["2", "4", "3", "1"]);
+  assert.deepEqual(order(true), ["3", "4", "2", "1"]);
+});
+
+test("a job is found by words of its note", () => {
+  const job = listed("job_1", { name: "press 7", note: "The valve was\nreplaced before this." });
+  assert.ok(matches(job, { text: "REPLACED press" }));
+  assert.ok(!matches(job, { text: "pump" }));
 });
 
 test("columns are as wide as their texts where there is room, and give way where there is not", () => {

@@ -168,5 +168,22 @@ test("who may only read is offered nothing that changes something", { skip }, as
   await page.waitForFunction(() => document.body.dataset.scope === "read", PATIENCE);
   assert.equal(await offered("/datasets", "Datasets"), 0);
   assert.equal(await offered("/jobs", "Jobs"), 0);
+
+  // Dragging across a plot can mark a stretch as bad, which is no choice of a reader.
+  const { items } = await page.evaluate(async () => (await fetch("/v1/datasets")).json());
+  await page.evaluate((id) => {
+    location.hash = `/datasets/${id}`;
+  }, items[0].id);
+  const dragging = await page.waitForSelector(
+    "::-p-xpath(//label[contains(., 'Dragging across')]/select)",
+    PATIENCE,
+  );
+  const shown = await dragging.evaluate(({ options }) =>
+    [...options].filter((option) => getComputedStyle(option).display !== "none").map(({ value }) => value),
+  );
+  assert.deepEqual(shown, ["look", "estimation", "validation"]);
+  await dragging.focus();
+  await page.keyboard.press("End");
+  assert.equal(await dragging.evaluate(({ value }) => value), "validation");
   await page.close();
 });

@@ -11,6 +11,7 @@ import path from "node:path";
 import { after, before, test } from "node:test";
 import {
   fill,
+  labelled,
   launch,
   open,
   PATIENCE,
@@ -409,7 +410,7 @@ test("columns, grouping and views of the list are the person's, and no cell is c
   );
   await picture(page, "jobs-grouped");
   await page.click("::-p-xpath(//summary[. = 'Views'])");
-  await page.type(".dropdown form input", "lines");
+  await (await labelled(page, "Name of the present view")).type("lines");
   await page.keyboard.press("Enter");
   await page.waitForSelector("::-p-xpath(//li/button[. = 'lines'])", PATIENCE);
   // Another visit has the columns and the grouping of the last, and the view has its filter too.

@@ -76,6 +76,17 @@ fn an_equation_without_a_value_leaves_samples_missing_and_says_so() {
     assert!(told.detail.starts_with("56 samples"), "{}", told.detail);
 }
 
+/// Asserts the place and the code of the first fault of steps.
+#[track_caller]
+fn assert_refused(steps: Value, place: &str, code: &str) {
+    let faults = prepared(steps).unwrap_err();
+    assert_eq!(
+        (faults[0].pointer(), &*faults[0].code),
+        (place, code),
+        "{faults:?}"
+    );
+}
+
 #[test]
 fn a_step_that_cannot_be_done_is_refused_at_its_place() {
     for (steps, place, code) in [
@@ -131,6 +142,14 @@ fn a_step_that_cannot_be_done_is_refused_at_its_place() {
             "/steps/1/signals",
             "unknown_signal",
         ),
+    ] {
+        assert_refused(steps, place, code);
+    }
+}
+
+#[test]
+fn an_equation_that_cannot_be_calculated_is_refused_at_its_place() {
+    for (steps, place, code) in [
         (
             json!([{"step": "calculate", "signal": "x", "equation": "level", "unit": "furlong"}]),
             "/steps/0/unit",
@@ -152,12 +171,7 @@ fn a_step_that_cannot_be_done_is_refused_at_its_place() {
             "unknown_signal",
         ),
     ] {
-        let faults = prepared(steps.clone()).unwrap_err();
-        assert_eq!(
-            (faults[0].pointer(), &*faults[0].code),
-            (place, code),
-            "{steps}: {faults:?}"
-        );
+        assert_refused(steps, place, code);
     }
 }
 

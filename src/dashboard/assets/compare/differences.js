@@ -31,25 +31,37 @@ export function differences(documents) {
 export const keyOf = ({ name, experiment }) =>
   experiment === undefined || experiment === null ? name : `${name}[${experiment}]`;
 
-// Lists by parameter what each result estimates: [{ key, unit, symbol, parameters: [parameter or null]
-// }].
+// Lists by parameter what each result estimates or foretells: [{ key, unit, symbol, parameters: [parameter or null]
+// }]. Parameters of one name and of different units stand apart.
 export function sideBySide(results) {
   const rows = new Map();
   for (const [k, result] of results.entries()) {
-    for (const parameter of result?.parameters ?? []) {
+    for (const parameter of result?.parameters ?? foretold(result)) {
       const key = keyOf(parameter);
-      const row = rows.get(key) ?? {
+      const place = `${key} ${parameter.unit}`;
+      const row = rows.get(place) ?? {
         key,
         unit: parameter.unit,
         symbol: parameter.symbol,
         parameters: results.map(() => null),
       };
       row.parameters[k] = parameter;
-      rows.set(key, row);
+      row.symbol ??= parameter.symbol;
+      rows.set(place, row);
     }
   }
   return [...rows.values()];
 }
+
+// A design foretells the errors after its best experiment, a selection those of an estimate from its windows. Both
+// estimate nothing: their parameters have no `estimate`.
+export const foretold = (result) => result?.proposals?.[0]?.after ?? result?.with_chosen ?? [];
+
+// What a specification says by the names of its model: such lines differ between models in any case.
+const OF_THE_MODEL =
+  /^\/(experiments\/\d+\/)?(parameters|outputs|signals|initial_state|tolerances|process_noise|model_search|constraints|priors)(\/|$)/;
+
+export const isOfTheModel = (pointer) => OF_THE_MODEL.test(pointer);
 
 // The interval of an estimate counts the errors of assumed values where the result has that interval,
 // else noise alone.

@@ -2,22 +2,21 @@
 // The page compares two to ten jobs side by side: their trust and fit, their estimates with intervals,
 // their simulated outputs over each other, and the differences of their specifications.
 
-import uPlot from "/assets/vendor/uplot-1.6.32.min.js";
 import { seconds } from "../list/filter.js";
 import { badge, trustBadge } from "../list/rows.js";
-import { plot } from "../plot/plot.js";
 import { get } from "../shell/api.js";
 import { h, notice, svg, table } from "../shell/dom.js";
 import { duration, number, percent, unitText, withError, words } from "../shell/format.js";
-import { commonRange, differences, intervalOf, place, sideBySide } from "./differences.js";
+import { commonRange, differences, intervalOf, isOfTheModel, place, sideBySide } from "./differences.js";
+import { byKind, KINDS, numbersOf, remark } from "./kinds.js";
+import { drawOutputs } from "./outputs.js";
 
 const MOST = 10;
-const POINTS = 3000;
 
 export function showCompare(view) {
   const ids = [...new Set((view.query.get("jobs") ?? "").split(",").filter(Boolean))].slice(0, MOST);
   const outcome = notice();
-  const content = h("div", {}, h("p", { class: "quiet" }, "Loading …"));
+  const content = h("div", { class: "comparison" }, h("p", { class: "quiet" }, "Loading …"));
   view.root.append(h("h1", { tabindex: "-1" }, `${ids.length} jobs compared`), outcome.place, content);
   if (ids.length < 2) {
     content.replaceChildren(
@@ -26,25 +25,37 @@ export function showCompare(view) {
     return;
   }
   Promise.all(ids.map((id) => read(id, view.signal)))
-    .then((runs) => {
-      content.replaceChildren(...parts(runs));
-      overlay(view, runs, content, outcome);
+    .then((all) => {
+      const runs = all.filter(({ job }) => job).map((run, k) => ({ ...run, k }));
+      const outputs = h("div", {});
+      content.replaceChildren(
+        ...all
+          .filter(({ job }) => !job)
+          .map(({ id }) => h("p", {}, "There is no job ", h("code", {}, id), ".")),
+        ...(runs.length ? parts(runs, outputs) : []),
+      );
+      return drawOutputs(view, runs, outputs);
     })
-    .catch((error) => outcome.fail(error));
+    .catch((error) => {
+      content.querySelector("p.quiet:only-child")?.remove();
+      outcome.fail(error);
+    });
 }
 
 async function read(id, signal) {
-  const { data: job } = await get(`/v1/jobs/${id}`, signal);
-  const result = await get(`/v1/jobs/${id}/result`, signal).then(
-    ({ data }) => data,
+  const unless =
+    (...statuses) =>
     (error) => {
-      if (error.status === 409 || error.status === 404) {
-        return null;
+      if (statuses.includes(error.status)) {
+        return { data: null };
       }
       throw error;
-    },
-  );
-  return { job, result, title: job.name || job.id };
+    };
+  const { data: job } = await get(`/v1/jobs/${id}`, signal).catch(unless(404));
+  const { data: result } = job
+    ? await get(`/v1/jobs/${id}/result`, signal).catch(unless(404, 409))
+    : { data: null };
+  return { id, job, result, title: job?.name || id };
 }
 
 function tag(k) {
@@ -55,20 +66,13 @@ function tag(k) {
   );
 }
 
-function parts(runs) {
-  const head = runs.map(({ title, job }, k) => [
-    tag(k),
-    " ",
-    String(k + 1),
-    ": ",
-    h("a", { href: `#/jobs/${job.id}` }, title),
-  ]);
-  const about = runs.map(({ job, result }, k) => [
-    head[k],
+function parts(runs, outputs) {
+  const about = runs.map(({ job, result, title, k }) => [
+    [tag(k), " ", String(k + 1), ": ", h("a", { href: `#/jobs/${job.id}` }, title)],
     badge(job.status),
     result?.verdict ? trustBadge(result.verdict.trust) : "–",
     job.model,
-    words(job.spec.method?.name ?? ""),
+    job.spec.method ? words(job.spec.method.name) : KINDS[job.kind].name,
     fits(result, "estimation"),
     fits(result, "validation"),
     seconds(job, Date.now()) === null ? "–" : duration(seconds(job, Date.now())),
@@ -84,9 +88,15 @@ function parts(runs) {
     "Duration",
   ].map((title) => ({ title }));
   const rows = sideBySide(runs.map(({ result }) => result));
-  const changed = differences(runs.map(({ job }) => job.spec));
+  const models = new Set(runs.map(({ job }) => job.model)).size;
+  const remarks = [
+    ...runs.map(remark),
+    models > 1 &&
+      `The jobs are about ${models} models: a parameter of one of them need not be that of the same name of another.`,
+  ].filter(Boolean);
   return [
     table("Jobs", columns, about, { stacked: true }),
+    remarks.map((text) => h("p", {}, text)),
     h("h2", {}, "Estimates"),
     rows.length
       ? h(
@@ -95,14 +105,42 @@ function parts(runs) {
           rows.map((row) => estimates(row, runs)),
         )
       : h("p", { class: "quiet" }, "None of them has an estimate."),
+    outputs,
     h("h2", {}, "What was asked differently"),
+    ...byKind(runs).flatMap(([kind, members]) => askedDifferently(kind, members)),
+  ].flat();
+}
+
+// Only jobs of the same kind are asked for the same things.
+function askedDifferently(kind, runs) {
+  const { name, about } = KINDS[kind];
+  if (runs.length < 2) {
+    return h("p", {}, `Job ${numbersOf(runs)} is ${about}; no other job here is of this kind.`);
+  }
+  const lines = differences(runs.map(({ job }) => job.spec));
+  const isOneModel = new Set(runs.map(({ job }) => job.model)).size === 1;
+  const [apart, alike] = [true, false].map((wanted) =>
+    lines.filter(([pointer]) => (!isOneModel && isOfTheModel(pointer)) === wanted),
+  );
+  const title = `${name}: jobs ${numbersOf(runs)}`;
+  const drawn = (caption, shownLines) =>
     table(
-      "Differences of the specifications",
-      [{ title: "Where" }, ...runs.map((_, k) => ({ title: `Job ${k + 1}` }))],
-      changed.map(([pointer, values]) => [h("code", {}, pointer), ...values.map(shown)]),
+      caption,
+      [{ title: "Where" }, ...runs.map(({ k }) => ({ title: `Job ${k + 1}` }))],
+      shownLines.map(([pointer, values]) => [h("code", {}, pointer), ...values.map(shown)]),
       { empty: "Nothing: the specifications are the same.", stacked: true },
-    ),
-  ];
+    );
+  return [
+    h("h3", {}, title[0].toUpperCase() + title.slice(1)),
+    drawn(`Differences of the specifications, ${title}`, alike),
+    apart.length > 0 &&
+      h(
+        "details",
+        {},
+        h("summary", {}, `${apart.length} lines about parts of the different models`),
+        drawn(`Parts of the different models, ${title}`, apart),
+      ),
+  ].filter(Boolean);
 }
 
 function fits(result, part) {
@@ -123,16 +161,26 @@ function shown(value) {
 function estimates({ key, unit, symbol, parameters }, runs) {
   const range = commonRange(parameters);
   const rows = parameters.map((parameter, k) => {
-    const [value, error] = parameter
-      ? withError(parameter.estimate, parameter.total_standard_error ?? parameter.standard_error)
-      : ["–", "–"];
+    const isForetold = parameter && parameter.estimate === undefined;
+    const error = parameter?.total_standard_error ?? parameter?.standard_error;
+    const [value, deviation] = isForetold
+      ? ["", number(error, 2, true)]
+      : withError(parameter?.estimate, error);
     return h(
       "tr",
       {},
       h("th", { scope: "row" }, tag(k), ` ${k + 1} `, h("span", { class: "unseen" }, runs[k].title)),
       h("td", { class: "number" }, value),
-      h("td", { class: "number" }, error === "–" ? "" : `± ${error}`),
-      h("td", { class: "interval" }, range && parameter ? intervalBar(parameter, range, k) : ""),
+      h("td", { class: "number" }, deviation === "–" ? "" : `± ${deviation}`),
+      h(
+        "td",
+        { class: isForetold ? "quiet" : "interval" },
+        isForetold
+          ? error === null
+            ? "foretold: not fixed"
+            : "foretold"
+          : range && parameter && intervalBar(parameter, range, k),
+      ),
     );
   });
   return h(
@@ -195,55 +243,4 @@ export function intervalBar(parameter, range, k = 0) {
     ],
     svg("circle", { cx: middle, cy: 10, r: 4.5, class: `fill row-${k}` }),
   );
-}
-
-// Plots the outputs of all jobs that use the same recording over each other.
-async function overlay(view, runs, content, outcome) {
-  const able = runs.map((run, k) => ({ ...run, k })).filter(({ result }) => result);
-  try {
-    const all = await Promise.all(
-      able.map(({ job }) =>
-        get(`/v1/jobs/${job.id}/trajectory?experiment=0&max_points=${POINTS}`, view.signal).then(
-          ({ data }) => data.experiments[0],
-        ),
-      ),
-    );
-    const groups = new Map();
-    for (const [n, experiment] of all.entries()) {
-      for (const [name, output] of Object.entries(experiment?.outputs ?? {})) {
-        const key = `${experiment.dataset} ${name}`;
-        groups.set(key, [
-          ...(groups.get(key) ?? []),
-          { experiment, name, output, k: able[n].k, title: able[n].title },
-        ]);
-      }
-    }
-    const place = h("div", {});
-    content.insertBefore(
-      h("div", {}, h("h2", {}, "Outputs, over each other"), place),
-      content.querySelectorAll("h2")[1] ?? null,
-    );
-    for (const lines of groups.values()) {
-      const [first] = lines;
-      const drawn = plot({
-        title: `${words(first.name)}, measured and simulated`,
-        height: 340,
-        signal: view.signal,
-        x: { label: "time", unit: "s" },
-        y: { label: words(first.name), unit: first.output.unit },
-        series: [
-          { name: "measured", look: "measured" },
-          ...lines.map(({ k }) => ({ name: `job ${k + 1}`, look: `row-${k}` })),
-        ],
-      });
-      place.append(drawn.element);
-      const joined = uPlot.join([
-        [first.experiment.time_s, first.output.measured],
-        ...lines.map(({ experiment, output }) => [experiment.time_s, output.simulated]),
-      ]);
-      drawn.set(joined[0], joined.slice(1));
-    }
-  } catch (error) {
-    outcome.fail(error);
-  }
 }

@@ -4,6 +4,20 @@
 
 export const FILTERS = ["text", "status", "trust", "model", "method", "label", "dataset"];
 
+// A column or an order whose key begins with one of these is of the label, or of the estimate, that the rest names.
+export const LABEL = "label:";
+export const ESTIMATE = "estimate:";
+// The API gives so many estimates of a job at the most.
+export const MOST_ESTIMATES = 20;
+
+// Lists the names of the estimates that a list with these columns and this order has to have.
+/** @param {{ columns: string[], sort: string }} filter @returns {string[]} */
+export const estimatesAsked = ({ columns, sort }) =>
+  [...new Set([...columns, sort])]
+    .filter((key) => key.startsWith(ESTIMATE))
+    .map((key) => key.slice(ESTIMATE.length))
+    .slice(0, MOST_ESTIMATES);
+
 // Reads the filter, the order, the grouping and the columns from the query of an address. An address that
 // names no grouping or no columns leaves them to `usual`.
 /**
@@ -51,7 +65,7 @@ export function toQuery(
 export const matches = (job, filter) => matcher(filter)(job);
 
 // A matcher answers whether a filter lets a job through. Every word of the filter's text has to stand
-// somewhere in what the list shows of the job; a word that begins with `job_` is an id, or the beginning of
+// somewhere in what the list shows of the job, or in its note; a word that begins with `job_` is an id, or the beginning of
 // one. The words are split once for all jobs.
 export function matcher(filter) {
   const words = (filter.text ?? "").toLowerCase().split(/\s+/).filter(Boolean);
@@ -73,11 +87,12 @@ function hasLabel(labels, text) {
 // The searched text of a job is made once: a job that changes comes as another object.
 const searched = new WeakMap();
 
-function textOf(job) {
+export function textOf(job) {
   let text = searched.get(job);
   if (text === undefined) {
     text = [
       job.name,
+      job.note,
       job.model,
       job.method,
       job.status,
@@ -115,20 +130,21 @@ const KEYS = {
   finished: (job) => job.finished_at ?? "",
   generations: (job) => job.progress?.generation ?? -1,
   evaluations: (job) => job.progress?.evaluations ?? -1,
-  cost: (job) => job.progress?.best_cost ?? Infinity,
+  cost: (job) => job.progress?.best_cost ?? null,
 };
 
-const LABEL = "label:";
-
-// Jobs are sorted by a column, or by a label.
+// Jobs are sorted by a column, by a label, or by the value of an estimate. A job without a value has null.
 function keyOfColumn(sort) {
+  if (sort.startsWith(ESTIMATE)) {
+    return ({ estimates }) => estimates?.[sort.slice(ESTIMATE.length)]?.value ?? null;
+  }
   return sort.startsWith(LABEL)
     ? ({ labels }) => (labels[sort.slice(LABEL.length)] ?? "").toLowerCase()
     : (KEYS[sort] ?? KEYS.created);
 }
 
 // Gives the jobs that a filter lets through, in its order; of jobs with equal keys the newest comes
-// first. The `trusts` of the filter are the grades of a verdict from the lowest on.
+// first, and jobs without a key come last in either direction. The `trusts` of the filter are the grades of a verdict from the lowest on.
 export function arranged(jobs, filter, now) {
   const key = keyOfColumn(filter.sort);
   const sign = filter.descending ? -1 : 1;
@@ -139,6 +155,10 @@ export function arranged(jobs, filter, now) {
       kept.push([key(job, { now, trusts: filter.trusts ?? [] }), job]);
     }
   }
-  kept.sort(([a, first], [b, second]) => (a < b ? -sign : a > b ? sign : first.id < second.id ? 1 : -1));
+  kept.sort(
+    ([a, first], [b, second]) =>
+      Number(a === null) - Number(b === null) ||
+      (a < b ? -sign : a > b ? sign : first.id < second.id ? 1 : -1),
+  );
   return kept.map(([, job]) => job);
 }

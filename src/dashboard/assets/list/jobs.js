@@ -5,16 +5,16 @@
 import { get, query } from "../shell/api.js";
 import { described, namesIn } from "../shell/description.js";
 import { h, notice } from "../shell/dom.js";
-import { count, words } from "../shell/format.js";
+import { count, instant, words } from "../shell/format.js";
 import { FOLLOWS } from "../shell/prepared.js";
 import { BulkActions } from "./bulk.js";
-import { columnsOffered, columnsShown, USUAL } from "./columns.js";
-import { dropdown } from "./dropdown.js";
-import { arranged, fromQuery, matcher, toQuery } from "./filter.js";
-import { entriesOf, groupingsOffered } from "./groups.js";
+import { columnsShown, USUAL } from "./columns.js";
+import { arranged, estimatesAsked, fromQuery, matcher, textOf, toQuery } from "./filter.js";
+import { entriesOf } from "./groups.js";
+import { LayoutFields } from "./layout.js";
 import { JobRows } from "./rows.js";
 import { startPanel } from "./start.js";
-import { keepChoice, lastChoice, viewMenu } from "./views.js";
+import { keepChoice, lastChoice } from "./views.js";
 
 // The first page fills any screen; further pages are as long as the server allows.
 const FIRST_PAGE = 100;
@@ -32,18 +32,23 @@ const USUAL_LIST = { group: "", columns: USUAL };
 /** @type {ReturnType<typeof readPage> | null} */
 let newest = null;
 
-export function askAhead() {
-  newest = readPage(FIRST_PAGE);
+/** @param {URLSearchParams} address */
+export function askAhead(address) {
+  newest = readPage({ limit: FIRST_PAGE, estimates: estimatesAsked(filterOf(address)) });
   newest.catch(() => {});
+  // The format of instants takes milliseconds to make, in which the server answers.
+  instant(new Date().toISOString());
 }
 
+// What an address leaves out is as it was chosen last.
+const filterOf = (address) => fromQuery(address, { ...USUAL_LIST, ...lastChoice() });
+
 /**
- * @param {number} limit
- * @param {string | null} [token]
+ * @param {{ limit: number, estimates: string[], page_token?: string | null, text?: string }} asked
  * @param {AbortSignal} [signal]
  */
-function readPage(limit, token = null, signal) {
-  return get(`/v1/jobs${query({ view: "summary", limit, page_token: token })}`, signal);
+function readPage({ estimates, ...asked }, signal) {
+  return get(`/v1/jobs${query({ view: "summary", ...asked, estimates: String(estimates) })}`, signal);
 }
 
 export function showJobs(view) {
@@ -72,7 +77,11 @@ export function showJobs(view) {
 class JobList {
   constructor(view) {
     this.view = view;
-    this.filter = fromQuery(view.query, { ...USUAL_LIST, ...lastChoice() });
+    this.filter = filterOf(view.query);
+    // The names of the estimates that are asked for, and the jobs whose estimates are to be read anew.
+    this.estimates = estimatesAsked(this.filter);
+    this.outdated = new Set();
+    this.isReading = false;
     this.closed = new Set();
     this.labels = new Set();
     this.jobs = new Map();
@@ -113,6 +122,7 @@ class JobList {
       outcome: this.outcome,
       labelled: (job) => this.takeWords(job),
     });
+    this.rows.element.hidden = true;
     this.rows.orderBy(this.filter.sort, this.filter.descending);
     this.rows.setColumns(columnsShown(this.filter.columns));
     this.choices = this.fields();
@@ -142,7 +152,8 @@ class JobList {
         h("input", {
           type: "search",
           value: this.filter.text,
-          placeholder: "name, recording, label, model, id",
+          placeholder: "name, note, label, id …",
+          title: "Words of the name, the note, the recording, the labels, the model or the method, or an id",
           oninput: set("text"),
         }),
       ),
@@ -175,66 +186,29 @@ class JobList {
     return fields;
   }
 
-  // The fields choose how the list is laid out: the grouping, the columns, and saved views.
+  // The fields choose how the list is laid out. A layout is kept for the next visit; estimates that it shows for the
+  // first time are read.
   layoutFields() {
-    this.groupPlace = h("select", {
-      onchange: ({ target }) => {
-        this.filter.group = target.value;
-        this.closed.clear();
-        this.choosesLayout();
-      },
-    });
-    this.columnPlace = h("div", { class: "columns" });
-    this.drawLabels();
-    const present = () => toQuery(this.filter, USUAL_LIST, true);
-    return [
-      h("label", {}, "Group by", this.groupPlace),
-      dropdown("Columns", this.columnPlace, this.view.signal),
-      dropdown("Views", viewMenu(present), this.view.signal),
-    ];
-  }
-
-  // Offers the columns and the groupings of the labels that the jobs have.
-  drawLabels() {
-    const { group, columns } = this.filter;
-    const labels = new Set(this.labels);
-    for (const key of [group, ...columns].filter((name) => name.startsWith("label:"))) {
-      labels.add(key.slice("label:".length));
-    }
-    this.groupPlace.replaceChildren(
-      h("option", { value: "" }, "nothing"),
-      ...groupingsOffered(labels).map(({ key, title }) =>
-        h("option", { value: key, selected: key === group }, title),
-      ),
-    );
-    const choose = (key) => (event) => {
-      const chosen = new Set(this.filter.columns);
-      event.target.checked ? chosen.add(key) : chosen.delete(key);
-      this.filter.columns = columnsShown([...chosen]).map((column) => column.key);
-      this.rows.setColumns(columnsShown(this.filter.columns));
-      this.choosesLayout();
+    const chosen = (groups) => {
+      groups && this.closed.clear();
+      groups || this.rows.setColumns(columnsShown(this.filter.columns));
+      keepChoice({ group: this.filter.group, columns: this.filter.columns });
+      this.changed();
+      const names = estimatesAsked(this.filter);
+      if (names.some((name) => !this.estimates.includes(name))) {
+        this.load();
+      }
+      this.estimates = names;
     };
-    this.columnPlace.replaceChildren(
-      ...columnsOffered(labels).map(({ key, title, fixed }) =>
-        h(
-          "label",
-          { class: "inline" },
-          h("input", {
-            type: "checkbox",
-            checked: fixed || columns.includes(key),
-            disabled: fixed,
-            onchange: choose(key),
-          }),
-          title,
-        ),
-      ),
-    );
-  }
-
-  // A layout is kept for the next visit.
-  choosesLayout() {
-    keepChoice({ group: this.filter.group, columns: this.filter.columns });
-    this.changed();
+    this.layout = new LayoutFields({
+      filter: this.filter,
+      labels: this.labels,
+      jobs: () => this.rows.jobs,
+      present: () => toQuery(this.filter, USUAL_LIST, true),
+      chosen,
+      signal: this.view.signal,
+    });
+    return this.layout.elements;
   }
 
   toggle(id) {
@@ -269,14 +243,11 @@ class JobList {
     this.changed();
   }
 
-  // A design or a selection of windows has no method and no estimate to compare.
   choose() {
-    const { selected } = this.rows;
-    const chosen = selected.size;
-    const estimates = [...selected].every((id) => this.jobs.get(id)?.method);
-    this.compare.disabled = !estimates || chosen < COMPARED[0] || chosen > COMPARED[1];
+    const chosen = this.rows.selected.size;
+    this.compare.disabled = chosen < COMPARED[0] || chosen > COMPARED[1];
     this.compare.textContent = chosen ? `Compare ${chosen}` : "Compare";
-    this.compare.title = this.compare.disabled ? "Select two to ten jobs that estimate parameters" : "";
+    this.compare.title = this.compare.disabled ? "Select two to ten jobs" : "";
     this.bulk.draw();
   }
 
@@ -323,9 +294,13 @@ class JobList {
     }
   }
 
-  take(job) {
+  take(told) {
+    const before = this.jobs.get(told.id);
+    const job = { ...told, estimates: told.estimates ?? before?.estimates };
     this.sorted = null;
     this.jobs.set(job.id, job);
+    // The text that is searched is made while the list is read, so that the first letter finds it.
+    textOf(job);
     if (!this.models.has(job.model)) {
       this.models.add(job.model);
       this.drawModels();
@@ -335,15 +310,15 @@ class JobList {
       for (const name of names) {
         this.labels.add(name);
       }
-      this.drawLabels();
+      this.layout.draw();
     }
   }
 
-  // Takes the name and the labels of a job; the list has the rest.
-  takeWords({ id, name, labels }) {
+  // Takes the name, the labels and the note of a job; the list has the rest.
+  takeWords({ id, name, labels, note }) {
     const job = this.jobs.get(id);
     if (job) {
-      this.take({ ...job, name, labels });
+      this.take({ ...job, name, labels, note });
       this.drawSoon();
     }
   }
@@ -351,7 +326,7 @@ class JobList {
   // The newest jobs are on the screen before anything else is asked for. The stream of changes needs a moment
   // to open, and the description of the API is long.
   async open() {
-    const asked = newest ?? readPage(FIRST_PAGE, null, this.view.signal);
+    const asked = newest ?? readPage({ limit: FIRST_PAGE, estimates: this.estimates }, this.view.signal);
     newest = null;
     try {
       const { data } = await asked;
@@ -396,7 +371,9 @@ class JobList {
       }
     };
     stream.addEventListener("job", (event) => {
-      this.take(JSON.parse(event.data));
+      const job = JSON.parse(event.data);
+      this.readEstimatesOf(job);
+      this.take(job);
       this.drawSoon();
     });
     stream.addEventListener("removed", (event) => {
@@ -409,6 +386,32 @@ class JobList {
     });
   }
 
+  // An event has no estimates: those of a job with another result are read, one job after the other.
+  async readEstimatesOf({ id, status, trust }) {
+    const before = this.jobs.get(id);
+    if (!trust || this.estimates.length === 0 || (before?.status === status && before?.trust === trust)) {
+      return;
+    }
+    this.outdated.add(id);
+    if (this.isReading) {
+      return;
+    }
+    this.isReading = true;
+    for (const text of this.outdated) {
+      // A job that changes meanwhile is read once more.
+      this.outdated.delete(text);
+      try {
+        const asked = { limit: 1, text, estimates: this.estimates };
+        const { data } = await readPage(asked, this.view.signal);
+        this.takePage(data);
+        this.drawSoon();
+      } catch (error) {
+        this.outcome.fail(error);
+      }
+    }
+    this.isReading = false;
+  }
+
   // Reads all jobs. Each page is asked for before the page ahead of it is handled, and the list is drawn once
   // a second, since the rows in sight rarely change meanwhile.
   async load() {
@@ -418,14 +421,16 @@ class JobList {
     this.view.signal.addEventListener("abort", () => loading.abort(), { once: true });
     const before = [...this.jobs.keys()];
     const seen = new Set();
-    let drawn = performance.now();
+    // A list that is read again, for another estimate, is drawn with its first page.
+    let drawn = this.whole ? 0 : performance.now();
+    const asked = { limit: PAGE, estimates: estimatesAsked(this.filter) };
     try {
-      let next = readPage(PAGE, null, loading.signal);
+      let next = readPage(asked, loading.signal);
       while (next) {
         const { data } = await next;
         const token = data.next_page_token;
         const length = seen.size + data.items.length;
-        next = token && length < MOST ? readPage(PAGE, token, loading.signal) : null;
+        next = token && length < MOST ? readPage({ ...asked, page_token: token }, loading.signal) : null;
         this.isCut = Boolean(token);
         for (const { id } of data.items) {
           seen.add(id);
@@ -441,6 +446,7 @@ class JobList {
       }
       this.sorted = null;
       this.whole = true;
+      this.isFitted = null;
       this.drawSoon();
       this.outcome.clear();
     } catch (error) {

@@ -230,7 +230,7 @@ export class JobRows {
  * @param {import("./columns.js").Column} column
  * @param {any} job
  */
-function fill(cell, { key, text }, job) {
+function fill(cell, { key, text, estimate }, job) {
   if (key === "status") {
     put(cell, job.status + progress(job), () => [badge(job.status), progress(job)]);
   } else if (key === "trust") {
@@ -240,6 +240,13 @@ function fill(cell, { key, text }, job) {
   } else if (key in STAMPS) {
     const stamp = job[STAMPS[key]];
     put(cell, stamp ?? "", () => [stamp ? instant(stamp) : "–"]);
+  } else if (estimate) {
+    const { trust } = job.estimates?.[estimate] ?? {};
+    const words = [text(job, Date.now()), trust && `trust ${trust}`].filter(Boolean).join(", ");
+    put(cell, words, () =>
+      words ? [h("div", { class: "estimate" }, text(job, Date.now()), " ", trust && trustBadge(trust))] : [],
+    );
+    cell.title = words;
   } else {
     const words = text(job, Date.now());
     put(cell, words, () => [lines(words)]);
@@ -247,9 +254,14 @@ function fill(cell, { key, text }, job) {
   }
 }
 
-// A text has two lines at the most.
+// A text has two lines at the most; a name parts behind an underscore rather than within a word.
 function lines(content) {
-  return h("span", { class: "lines" }, content);
+  const parts = typeof content === "string" ? content.split(/(?<=_)/) : [content];
+  return h(
+    "span",
+    { class: "lines" },
+    parts.map((part, k) => (k ? [h("wbr"), part] : part)),
+  );
 }
 
 function put(cell, key, make) {

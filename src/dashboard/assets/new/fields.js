@@ -10,15 +10,15 @@ import { numberOf, words } from "../shell/format.js";
 // Writes a value as a field shows it.
 export const shown = (value) => (value === null || value === undefined ? "" : String(value));
 
-// A field without a title of its own, for a table. It reports a number, null where it is empty, or
-// the text where `text` is set.
+// A field without a title of its own, for a table. It reports the number that `read` makes of its text, null where it
+// is empty, or the text where `text` is set.
 /**
  * @param {string} label
  * @param {unknown} value
  * @param {(value: any) => void} act
- * @param {{ size?: string, hint?: string, text?: boolean }} [options]
+ * @param {{ size?: string, hint?: string, text?: boolean, read?: (text: string) => number | bigint }} [options]
  */
-export function field(label, value, act, { size = "9", hint, text = false } = {}) {
+export function field(label, value, act, { size = "9", hint, text = false, read = numberOf } = {}) {
   const input = h("input", {
     type: "text",
     inputmode: text ? null : "decimal",
@@ -28,11 +28,11 @@ export function field(label, value, act, { size = "9", hint, text = false } = {}
     placeholder: hint,
     onchange: () => {
       const bare = input.value.trim();
-      const read = text ? bare : bare === "" ? null : numberOf(bare);
-      const wrong = typeof read === "number" && Number.isNaN(read);
+      const typed = text ? bare : bare === "" ? null : read(bare);
+      const wrong = Number.isNaN(typed);
       wrong ? input.setAttribute("aria-invalid", "true") : input.removeAttribute("aria-invalid");
       if (!wrong) {
-        act(read);
+        act(typed);
       }
     },
   });
@@ -55,10 +55,15 @@ export const cell = (path, label, value, act, options = {}) =>
  * @param {string} title
  * @param {unknown} value
  * @param {(value: any) => void} act
- * @param {{ size?: string, hint?: string, text?: boolean, help?: string }} [options]
+ * @param {{ size?: string, hint?: string, text?: boolean, help?: string, read?: (text: string) => number | bigint }} [options]
  */
 export function titledField(title, value, act, { help, ...options } = {}) {
-  const input = field(title, value, (read) => act(read === null || read === "" ? undefined : read), options);
+  const input = field(
+    title,
+    value,
+    (typed) => act(typed === null || typed === "" ? undefined : typed),
+    options,
+  );
   return h("label", { title: help }, title, input);
 }
 

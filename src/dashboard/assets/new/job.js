@@ -7,6 +7,7 @@ import { MODEL_WORDS } from "../model/language.js";
 import { get, items, repeatKey, request } from "../shell/api.js";
 import { described } from "../shell/description.js";
 import { h, keepingFocus, notice } from "../shell/dom.js";
+import { readJson } from "../shell/json.js";
 import { prepared, specOf } from "../shell/prepared.js";
 import { placed, readText } from "../text/document.js";
 import { Editor, editorLibrary } from "../text/editor.js";
@@ -238,7 +239,7 @@ class NewJob {
 
   takeText() {
     try {
-      const spec = JSON.parse(this.text.value);
+      const spec = readJson(this.text.value);
       if (spec === null || typeof spec !== "object" || Array.isArray(spec)) {
         throw new SyntaxError("a job is an object");
       }

@@ -4,6 +4,7 @@
 
 import { get } from "../shell/api.js";
 import { h } from "../shell/dom.js";
+import { seedOf } from "../shell/json.js";
 import { conditionsOf, conditionText, labelsOf, labelText, priorOfResult } from "./draft.js";
 import { membersOf, titledField } from "./fields.js";
 
@@ -81,7 +82,7 @@ export function searchPart(job) {
             help: "So many of the changes that the verdict offers are fitted before they are offered.",
           }),
           whole("Longest computing time, s", ["limits", "max_duration_s"]),
-          whole("Seed", ["seed"], { size: "10", hint: "drawn" }),
+          whole("Seed", ["seed"], { size: "20", hint: "drawn", read: seedOf }),
         ),
       ),
     );

@@ -7,6 +7,7 @@ import { changed } from "../new/draft.js";
 import { get, items, repeatKey, send } from "../shell/api.js";
 import { described } from "../shell/description.js";
 import { h, keepingFocus, notice } from "../shell/dom.js";
+import { readJson } from "../shell/json.js";
 import { specOf } from "../shell/prepared.js";
 import { placed, readText } from "../text/document.js";
 import { Editor, editorLibrary } from "../text/editor.js";
@@ -191,7 +192,7 @@ class NewMonitor {
 
   takeText() {
     try {
-      const spec = JSON.parse(this.text.value);
+      const spec = readJson(this.text.value);
       if (spec === null || typeof spec !== "object" || Array.isArray(spec)) {
         throw new SyntaxError("a monitor is an object");
       }

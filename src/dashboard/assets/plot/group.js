@@ -210,7 +210,9 @@ export class WindowChooser {
     this.brushing = h(
       "select",
       {},
-      drags.map((name) => h("option", { value: name }, DRAGS[name])),
+      drags.map((name) =>
+        h("option", { value: name, class: name === "mark" ? "for-writers" : null }, DRAGS[name]),
+      ),
     );
     this.onBrush = {
       active: () => this.brushing.value !== "look",

@@ -2,6 +2,8 @@
 // This module sends requests to the server. A failure of any kind is a Problem that can be shown as it
 // is.
 
+import { readJson } from "./json.js";
+
 export class Problem extends Error {
   constructor(status, body) {
     super(body.detail || body.title || `The server answered ${status}.`);
@@ -72,7 +74,7 @@ export async function request(method, path, { body, headers = {}, signal } = {})
     throw await problemOf(response);
   }
   const type = response.headers.get("content-type") ?? "";
-  const data = type.includes("json") ? await response.json() : await response.text();
+  const data = type.includes("json") ? readJson(await response.text()) : await response.text();
   return { data, headers: response.headers, status: response.status };
 }
 

@@ -95,10 +95,10 @@ async function showVersion() {
 // Where the server asks who calls, signing in comes first. Meanwhile the modules of the view come, and a view
 // that exports `askAhead` asks for its first data.
 async function begin() {
-  const [path] = addressed();
+  const [path, query] = addressed();
   const view = VIEWS.find(([pattern]) => pattern.test(path));
   view?.[1]().then(
-    (modules) => modules.askAhead?.(),
+    (modules) => modules.askAhead?.(new URLSearchParams(query)),
     () => {},
   );
   (await isKnown()) ? route() : signIn();

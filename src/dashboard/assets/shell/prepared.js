@@ -1,6 +1,8 @@
 // @ts-check
 // A specification goes from one page of this tab to another through the storage of the tab.
 
+import { readJson } from "./json.js";
+
 // The label of a prepared job that names the job before it.
 export const FOLLOWS = "follows";
 
@@ -23,7 +25,7 @@ export function keep(spec) {
 export function prepared(view) {
   const key = view.query.get("prepared");
   const text = key && sessionStorage.getItem(key);
-  return text ? JSON.parse(text) : null;
+  return text ? readJson(text) : null;
 }
 
 export function prepare(spec) {
