@@ -295,12 +295,12 @@ pub async fn list(
 
 /// Adds the estimates of these names to jobs in short.
 async fn add_estimates(jobs: &Jobs, names: &[String], items: &mut [JobSummary]) -> Answer<()> {
-    let ended: Vec<JobId> = items
+    let judged: Vec<JobId> = items
         .iter()
-        .filter(|job| job.status.is_terminal())
+        .filter(|job| job.trust.is_some())
         .map(|job| job.id)
         .collect();
-    let mut by_job = jobs.estimates(&ended, names).await?;
+    let mut by_job = jobs.estimates(&judged, names).await?;
     for job in items {
         let estimates = by_job.remove(&job.id).unwrap_or_default();
         let shown = estimates
