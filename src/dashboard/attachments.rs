@@ -36,22 +36,20 @@ pub static ATTACHMENTS: &[Attachment] = attachments! {
         "heat_exchanger.csv" "mass_spring_damper.csv" "positioning_drive.csv" "single_rod_servo.csv";
 };
 
-/// Gives the width and the height of a picture in pixels. A picture is a WebP (RFC 9649) whose first chunk is a lossy
-/// frame (`VP8 `), or says the size of the canvas (`VP8X`).
+/// Gives the width and the height at which a picture is shown: three pixels of a picture are two of a guide. A picture
+/// is a WebP (RFC 9649) whose first chunk is a lossy frame (`VP8 `), or says the size of the canvas (`VP8X`).
 pub fn size(path: &str) -> Option<[u32; 2]> {
     let picture = ATTACHMENTS
         .iter()
         .find(|attachment| attachment.path == path)?;
     let head = picture.bytes.get(..30)?;
-    match &head[12..16] {
-        b"VP8 " => Some(
-            [26, 28].map(|at| u32::from(u16::from_le_bytes([head[at], head[at + 1]]) & 0x3fff)),
-        ),
-        b"VP8X" => Some(
-            [24, 27].map(|at| 1 + u32::from_le_bytes([head[at], head[at + 1], head[at + 2], 0])),
-        ),
-        _ => None,
-    }
+    let short = |at: usize| u32::from(u16::from_le_bytes([head[at], head[at + 1]]));
+    let pixels = match &head[12..16] {
+        b"VP8 " => [26, 28].map(|at| short(at) & 0x3fff),
+        b"VP8X" => [24, 27].map(|at| 1 + short(at) + (u32::from(head[at + 2]) << 16)),
+        _ => return None,
+    };
+    Some(pixels.map(|pixels| pixels * 2 / 3))
 }
 
 #[cfg(test)]

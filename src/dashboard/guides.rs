@@ -207,9 +207,9 @@ fn with_frames(events: Vec<Event<'_>>) -> Vec<Event<'_>> {
     framed.collect()
 }
 
-/// A section is a heading of a guide with the words below it, up to the next heading.
+/// A chapter is a heading of a guide with the words below it, up to the next heading.
 #[derive(Serialize)]
-pub struct Section {
+pub struct Chapter {
     /// The title of the guide.
     page: &'static str,
     /// The words of the heading.
@@ -220,23 +220,23 @@ pub struct Section {
     text: String,
 }
 
-/// Lists the sections of a guide.
-pub fn sections(guide: &Guide) -> Vec<Section> {
+/// Lists the chapters of a guide.
+pub fn chapters(guide: &Guide) -> Vec<Chapter> {
     let markdown = guide.markdown();
     let events: Vec<Event<'_>> = Parser::new_ext(&markdown, Options::ENABLE_TABLES).collect();
-    let mut sections: Vec<Section> = Vec::new();
+    let mut chapters: Vec<Chapter> = Vec::new();
     // The words of a heading, of an example or of a description of a picture are not those below the heading.
     let mut is_apart = false;
     for (place, event) in events.iter().enumerate() {
         if let Some(title) = heading_at(&events, place) {
-            sections.push(Section {
+            chapters.push(Chapter {
                 page: guide.title,
                 to: format!("/docs/{}#{}", guide.name, anchor(&title)),
                 title,
                 text: String::new(),
             });
         }
-        let Some(Section { text, .. }) = sections.last_mut() else {
+        let Some(Chapter { text, .. }) = chapters.last_mut() else {
             continue;
         };
         match event {
@@ -251,7 +251,7 @@ pub fn sections(guide: &Guide) -> Vec<Section> {
             _ => {}
         }
     }
-    sections
+    chapters
 }
 
 /// Gives the words of a heading as the anchor of its links.
@@ -318,15 +318,15 @@ mod tests {
     }
 
     #[test]
-    fn the_sections_of_a_guide_have_the_addresses_of_its_headings() {
+    fn the_chapters_of_a_guide_have_the_addresses_of_its_headings() {
         for guide in &GUIDES {
             let page = page(guide);
-            let sections = sections(guide);
+            let chapters = chapters(guide);
             let headings = ["<h1 id=", "<h2 id=", "<h3 id="].map(|tag| page.matches(tag).count());
-            assert_eq!(headings.iter().sum::<usize>(), sections.len());
-            for Section {
+            assert_eq!(headings.iter().sum::<usize>(), chapters.len());
+            for Chapter {
                 to, text, title, ..
-            } in sections
+            } in chapters
             {
                 let (_, id) = to.split_once('#').unwrap();
                 assert_eq!(page.matches(&format!(" id=\"{id}\">")).count(), 1, "{to}");

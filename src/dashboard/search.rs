@@ -1,21 +1,21 @@
-//! What the search on the pages of the guides looks through: the sections of the guides and the operations of the
+//! What the search on the pages of the guides looks through: the chapters of the guides and the operations of the
 //! API.
 
 use serde::Serialize;
 use serde_json::Value;
 
-use super::guides::{GUIDES, Section, sections};
+use super::guides::{Chapter, GUIDES, chapters};
 
 /// The index of the search.
 #[derive(Serialize)]
 struct Index {
-    guides: Vec<Section>,
-    operations: Vec<Operation>,
+    guides: Vec<Chapter>,
+    operations: Vec<ReferenceEntry>,
 }
 
 /// An operation of the API as the search shows it.
 #[derive(Serialize)]
-struct Operation {
+struct ReferenceEntry {
     /// The method and the path.
     title: String,
     /// The address of the operation in the reference.
@@ -30,16 +30,16 @@ pub fn index(description: &Value) -> Vec<u8> {
     let operations = paths.flat_map(|(path, item)| {
         let operations = item.as_object().into_iter().flatten();
         let described = operations.filter(|(_, operation)| operation["operationId"].is_string());
-        described.map(|(method, operation)| Operation::new(method, path, operation))
+        described.map(|(method, operation)| ReferenceEntry::new(method, path, operation))
     });
     let index = Index {
-        guides: GUIDES.iter().flat_map(sections).collect(),
+        guides: GUIDES.iter().flat_map(chapters).collect(),
         operations: operations.collect(),
     };
     serde_json::to_vec(&index).expect("texts are JSON")
 }
 
-impl Operation {
+impl ReferenceEntry {
     fn new(method: &str, path: &str, operation: &Value) -> Self {
         let word = |value: &Value| value.as_str().unwrap_or_default().replace('\n', " ");
         let text = [&operation["summary"], &operation["description"]];

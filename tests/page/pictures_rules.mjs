@@ -293,7 +293,6 @@ export const RULES = {
     csv: () => recording({ noise: 1.5 }),
     window: { to_s: 20 },
     job: lagJob({
-      window: { to_s: 10 },
       uncertainty: { intervals: "posterior", posterior_generations: 500 },
       outputs: { y: { noise_std: 1.5 } },
     }),

@@ -1,9 +1,9 @@
 // @ts-check
-// The search looks for words in the sections of the guides and in the operations of the API. A section answers a search
+// The search looks for words in the chapters of the guides and in the operations of the API. A chapter answers a search
 // that has each of the words in its title or in its text, at the beginning of a word.
 
-/** @typedef {{ page?: string, title: string, to: string, text: string }} Section */
-/** @typedef {{ section: Section, score: number, snippet: string[] }} Hit */
+/** @typedef {{ page?: string, title: string, to: string, text: string }} Chapter */
+/** @typedef {{ chapter: Chapter, score: number, snippet: string[] }} Hit */
 
 const IN_TITLE = 20;
 const IN_TEXT = 1;
@@ -13,20 +13,20 @@ const AROUND = 70;
 /**
  * Lists what answers a search, the best first.
  *
- * @param {Section[]} sections
+ * @param {Chapter[]} chapters
  * @param {string} words
  * @returns {Hit[]}
  */
-export function hitsOf(sections, words) {
+export function hitsOf(chapters, words) {
   const patterns = words.split(/\s+/).filter(Boolean).map(beginning);
   if (patterns.length === 0) {
     return [];
   }
-  return sections
-    .map((section) => ({
-      section,
-      score: scoreOf(section, patterns),
-      snippet: snippetOf(section.text, patterns),
+  return chapters
+    .map((chapter) => ({
+      chapter,
+      score: scoreOf(chapter, patterns),
+      snippet: snippetOf(chapter.text, patterns),
     }))
     .filter(({ score }) => score > 0)
     .sort((a, b) => b.score - a.score);
@@ -40,7 +40,7 @@ function beginning(word) {
 }
 
 /**
- * @param {Section} section
+ * @param {Chapter} chapter
  * @param {RegExp[]} patterns
  */
 function scoreOf({ title, text }, patterns) {

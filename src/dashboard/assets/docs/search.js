@@ -10,7 +10,7 @@ const field = /** @type {HTMLInputElement} */ (search.querySelector("input"));
 const status = /** @type {HTMLElement} */ (search.querySelector("[role=status]"));
 const list = /** @type {HTMLElement} */ (search.querySelector("ol"));
 
-/** @type {Promise<import("./matching.js").Section[]> | null} */
+/** @type {Promise<import("./matching.js").Chapter[]> | null} */
 let index = null;
 
 async function read() {
@@ -61,7 +61,7 @@ function show(hits, words) {
 }
 
 /** @param {import("./matching.js").Hit} hit */
-function item({ section: { page = "API reference", title, to }, snippet }) {
+function item({ chapter: { page = "API reference", title, to }, snippet }) {
   const link = document.createElement("a");
   link.href = to;
   link.textContent = title;
