@@ -254,7 +254,9 @@ mod tests {
         if let Some(tag) = tag {
             request = request.header(IF_NONE_MATCH, tag);
         }
-        router(|| json!({}))
+        static PAGES: LazyLock<Router> = LazyLock::new(|| router(|| json!({})));
+        PAGES
+            .clone()
             .oneshot(request.body(Body::empty()).unwrap())
             .await
             .unwrap()

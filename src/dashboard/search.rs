@@ -4,13 +4,22 @@
 use serde::Serialize;
 use serde_json::Value;
 
-use super::guides::{Chapter, GUIDES, chapters};
+use super::guides::{Chapter, GUIDES, Guide, chapters};
 
 /// The index of the search.
 #[derive(Serialize)]
 struct Index {
-    guides: Vec<Chapter>,
+    guides: Vec<GuideEntry>,
     operations: Vec<ReferenceEntry>,
+}
+
+/// A guide as the search looks through it.
+#[derive(Serialize)]
+struct GuideEntry {
+    title: &'static str,
+    /// The address of the guide.
+    to: String,
+    chapters: Vec<Chapter>,
 }
 
 /// An operation of the API as the search shows it.
@@ -33,10 +42,20 @@ pub fn index(description: &Value) -> Vec<u8> {
         described.map(|(method, operation)| ReferenceEntry::new(method, path, operation))
     });
     let index = Index {
-        guides: GUIDES.iter().flat_map(chapters).collect(),
+        guides: GUIDES.iter().map(GuideEntry::new).collect(),
         operations: operations.collect(),
     };
     serde_json::to_vec(&index).expect("texts are JSON")
+}
+
+impl GuideEntry {
+    fn new(guide: &'static Guide) -> Self {
+        Self {
+            title: guide.title,
+            to: format!("/docs/{}", guide.name),
+            chapters: chapters(guide),
+        }
+    }
 }
 
 impl ReferenceEntry {
@@ -49,6 +68,8 @@ impl ReferenceEntry {
             .map(|parameter| word(&parameter["name"]))
             .collect();
         let [summary, more] = text.map(word);
+        // The first sentence says what the operation is for.
+        let more = more.split_inclusive(". ").next().unwrap_or_default();
         Self {
             title: format!("{} {path}", method.to_uppercase()),
             // The viewer of the reference writes a dash for each brace.
@@ -71,17 +92,28 @@ mod tests {
         let written = index(&serde_json::from_slice(&description).unwrap());
         assert!(written.len() <= 150_000, "{} bytes", written.len());
         let index: Value = serde_json::from_slice(&written).unwrap();
-        let has = |part: &str, to: &str, words: &str| {
-            let mut entries = index[part].as_array().unwrap().iter();
-            let entry = entries.find(|entry| entry["to"] == to);
+        let says = |entries: &Value, place: [&str; 2], words: &str| {
+            let mut entries = entries.as_array().unwrap().iter();
+            let entry = entries.find(|entry| entry[place[0]] == place[1]);
             let text = entry.map(|entry| entry["text"].as_str().unwrap());
-            assert!(
-                text.is_some_and(|text| text.contains(words)),
-                "{to}: {text:?}"
-            );
+            let is_said = text.is_some_and(|text| text.contains(words));
+            assert!(is_said, "{place:?}: {text:?}");
         };
-        has("guides", "/docs/verdicts#at_bound", "search range");
-        has("operations", "/docs#get-/v1/jobs/-id-/result", "result");
-        has("operations", "/docs#post-/v1/datasets", " skip");
+        let mut guides = index["guides"].as_array().unwrap().iter();
+        let verdicts = guides
+            .find(|guide| guide["to"] == "/docs/verdicts")
+            .unwrap();
+        says(
+            &verdicts["chapters"],
+            ["anchor", "at_bound"],
+            "search range",
+        );
+        let operations = &index["operations"];
+        says(
+            operations,
+            ["to", "/docs#get-/v1/jobs/-id-/result"],
+            "estimate",
+        );
+        says(operations, ["to", "/docs#post-/v1/datasets"], " skip");
     }
 }

@@ -236,7 +236,7 @@ export const RULES = {
   },
   drift: {
     part: RESIDUAL,
-    csv: () => recording({ change: INPUT.map((_, k) => (k >= SAMPLES / 2 ? 0.2 : 0)) }),
+    csv: () => recording({ change: INPUT.map((_, k) => (k >= SAMPLES / 2 ? 0.4 : 0)) }),
     job: lagJob(),
   },
   assumptions_dominate: {

@@ -2,7 +2,7 @@
 // The search looks for words in the chapters of the guides and in the operations of the API. A chapter answers a search
 // that has each of the words in its title or in its text, at the beginning of a word.
 
-/** @typedef {{ page?: string, title: string, to: string, text: string }} Chapter */
+/** @typedef {{ page: string, title: string, to: string, text: string }} Chapter */
 /** @typedef {{ chapter: Chapter, score: number, snippet: string[] }} Hit */
 
 const IN_TITLE = 20;

@@ -19,7 +19,12 @@ async function read() {
     throw new Error(`The index of the docs is not to be had (${answer.status}).`);
   }
   const { guides, operations } = await answer.json();
-  return [...guides, ...operations];
+  return [
+    ...guides.flatMap(({ title: page, to, chapters }) =>
+      chapters.map(({ title, anchor, text }) => ({ page, title, to: `${to}#${anchor}`, text })),
+    ),
+    ...operations.map((operation) => ({ page: "API reference", ...operation })),
+  ];
 }
 
 async function look() {
@@ -61,7 +66,7 @@ function show(hits, words) {
 }
 
 /** @param {import("./matching.js").Hit} hit */
-function item({ chapter: { page = "API reference", title, to }, snippet }) {
+function item({ chapter: { page, title, to }, snippet }) {
   const link = document.createElement("a");
   link.href = to;
   link.textContent = title;
