@@ -43,15 +43,20 @@ export async function worked(job, csv) {
   return { id, result: await (await fetch(`${base}/v1/jobs/${id}/result`)).json() };
 }
 
-const short = (value, digits) => String(Number(value.toPrecision(digits))).replace("e+", "e");
+// Writes a number with some digits; those that are far from one have a power of ten.
+function short(value, digits) {
+  const number = Number(value.toPrecision(digits));
+  const isFar = Math.abs(number) >= 1e6 || (number !== 0 && Math.abs(number) < 1e-3);
+  return (isFar ? number.toExponential() : String(number)).replace("e+", "e");
+}
 
 // Writes a value with two digits of its error.
 function rounded(value, error) {
   const places = 1 - Math.floor(Math.log10(error));
   const digits = Math.max(2, places + Math.floor(Math.log10(Math.abs(value))) + 1);
-  return Math.abs(value) >= 1e6 || Math.abs(value) < 1e-3
-    ? value.toExponential(Math.min(digits, 15) - 1).replace("e+", "e")
-    : value.toFixed(Math.max(0, places));
+  const isFar = Math.abs(value) >= 1e6 || Math.abs(value) < 1e-3;
+  const text = isFar ? value.toExponential(digits - 1) : value.toFixed(Math.max(0, places));
+  return text.replace("e+", "e");
 }
 
 // Writes how the recording was made, and the estimates beside the truth.
@@ -64,7 +69,7 @@ export function madeText(model, csv, result) {
   });
   const rows = result.parameters.map(
     ({ name, unit, estimate, total_standard_error: error, trust }) =>
-      `| \`${name}\` | ${unit} | ${short(PLANTS[model].parameters[name], 6)} | ${rounded(estimate, error)} | ${short(error, 2)} | ${trust} |`,
+      `| \`${name}\` | ${unit.replaceAll("*", "·")} | ${short(PLANTS[model].parameters[name], 6)} | ${rounded(estimate, error)} | ${short(error, 2)} | ${trust} |`,
   );
   const fits = Object.entries(result.fit.validation).map(
     ([output, { fit_percent: percent }]) => `${percent.toFixed(1)} % of \`${output}\``,
