@@ -19,6 +19,7 @@ macro_rules! attachments {
     };
 }
 
+/// The files stand in the order of the guides that show them.
 #[rustfmt::skip]
 pub static ATTACHMENTS: &[Attachment] = attachments! {
     "pictures": "example_bouc_wen.webp" "example_cascaded_tanks.webp" "example_dc_motor.webp"

@@ -42,9 +42,9 @@ impl Guide {
 /// Gives the chapter of a rule with its picture, where the rule has one.
 fn chapter(rule: Rule) -> String {
     let mut chapter = rule.entry().chapter();
-    let pictures = RULE_PICTURES.split("\n## ").skip(1);
+    let mut pictures = RULE_PICTURES.split("\n## ").skip(1);
     let of_rule = |picture: &'static str| picture.strip_prefix(rule.code())?.strip_prefix("\n\n");
-    if let Some(picture) = pictures.filter_map(of_rule).next() {
+    if let Some(picture) = pictures.find_map(of_rule) {
         write!(chapter, "\n{}\n", picture.trim_end()).expect("writing to a string does not fail");
     }
     chapter
