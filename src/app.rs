@@ -289,7 +289,8 @@ fn routes(state: ApiState, audit: Audit, settings: &Settings) -> axum::Router {
         audit: Some(audit),
         speaks_tls: settings.tls.files().is_some(),
     };
-    api::with_middleware(api::resources(state).merge(dashboard::router()), around)
+    let pages = dashboard::router(api::openapi);
+    api::with_middleware(api::resources(state).merge(pages), around)
 }
 
 /// Puts what was measured together now and then, so that it takes no more room for each request

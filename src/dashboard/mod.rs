@@ -1,15 +1,18 @@
 //! This module serves the pages for people, which are embedded in the program.
 //!
 //! `/` is the dashboard, `/docs` the API reference, `/docs/` the index of the guides, and `/docs/start` and
-//! its neighbours are the guides, whose texts stand in `docs/`. The pages are files without a build step: plain
+//! its neighbours are the guides, whose texts, pictures and recordings stand in `docs/`. The pages are files without a build step: plain
 //! HTML, CSS and ES modules that talk to the same HTTP interface as every other client. They fetch
 //! nothing from elsewhere, and a strict Content-Security-Policy holds them to it.
 
+mod attachments;
 mod guides;
+mod search;
 
 use std::borrow::Cow;
-use std::sync::LazyLock;
+use std::sync::{LazyLock, OnceLock};
 
+use attachments::{ATTACHMENTS, Attachment};
 use axum::Router;
 use axum::body::Bytes;
 use axum::http::header::{
@@ -20,6 +23,7 @@ use axum::http::{HeaderMap, HeaderValue, StatusCode};
 use axum::response::{IntoResponse, Response};
 use axum::routing::get;
 use guides::{GUIDES, Guide};
+use serde_json::Value;
 use sha2::{Digest, Sha256};
 
 /// An asset is a file of the pages, or a page that is made from a guide.
@@ -45,6 +49,9 @@ const HTML: &str = "text/html; charset=utf-8";
 const CSS: &str = "text/css; charset=utf-8";
 const SCRIPT: &str = "text/javascript; charset=utf-8";
 const SVG: &str = "image/svg+xml";
+const WEBP: &str = "image/webp";
+const JSON: &str = "application/json";
+const TABLE: &str = "text/csv; charset=utf-8";
 const TEXT: &str = "text/plain; charset=utf-8";
 
 fn page(path: &'static str, bytes: &'static [u8], policy: &'static str) -> Asset {
@@ -73,6 +80,16 @@ fn guide(guide: &'static Guide) -> [Asset; 2] {
     [shown, text]
 }
 
+/// Gives a picture or a recording of a guide.
+fn attached(attachment: &'static Attachment) -> Asset {
+    Asset {
+        path: attachment.path.into(),
+        content_type: content_type(attachment.path),
+        policy: DASHBOARD_POLICY,
+        bytes: Bytes::from_static(attachment.bytes),
+    }
+}
+
 /// Embeds the files of each folder of `assets/`, which are served as `/assets/…`.
 macro_rules! assets {
     ($($folder:literal: $($file:literal)+;)+) => {
@@ -91,6 +108,8 @@ fn content_type(file: &str) -> &'static str {
         Some("css") => CSS,
         Some("js") => SCRIPT,
         Some("svg") => SVG,
+        Some("webp") => WEBP,
+        Some("csv") => TABLE,
         _ => TEXT,
     }
 }
@@ -116,6 +135,7 @@ static ASSETS: LazyLock<Vec<Asset>> = LazyLock::new(|| {
     });
     assets.extend(embedded());
     assets.extend(GUIDES.iter().flat_map(guide));
+    assets.extend(ATTACHMENTS.iter().map(attached));
     assets
 });
 
@@ -124,7 +144,7 @@ fn embedded() -> impl IntoIterator<Item = Asset> { assets! {
     "compare": "differences.js" "jobs.js" "kinds.js" "methods.js" "outputs.js";
     "data": "datasets.js" "layout.js" "layouts.js" "lines.js" "mark_form.js" "marking.js" "marks.css" "marks.js" "options.js" "plots.js"
         "preparing.js" "quality.js" "recipe.js" "roles.js" "units.js" "upload.js" "versions.js";
-    "docs": "guide.css" "reference.js";
+    "docs": "guide.css" "matching.js" "reference.js" "search.js";
     "job": "ancestry.js" "budget.js" "contents.js" "correlation.js" "design.js" "disturbance.js" "disturbance_words.js" "effects.js"
         "feed.js" "heat.js" "job.css" "job.js" "live.js" "naming.js" "plain.js" "posterior.js" "profiles.js" "progress.js" "reading.js"
         "residuals.js" "result.js" "ribbon.js" "selection.js" "tables.js" "time_left.js" "trajectory.js" "verdict.js" "windows.js";
@@ -145,14 +165,38 @@ fn embedded() -> impl IntoIterator<Item = Asset> { assets! {
         "rapidoc-9.3.8.LICENSE" "uplot-1.6.32.LICENSE" "uplot-1.6.32.min.css" "uplot-1.6.32.min.js";
 } }
 
-/// Gives the routes of the pages. Unknown paths are left to the router that they are merged into.
-pub fn router() -> Router {
-    ASSETS.iter().fold(Router::new(), |router, asset| {
+/// The index of the search has this address.
+const INDEX: &str = "/docs/index.json";
+
+/// Gives the routes of the pages. Unknown paths are left to the router that they are merged into. The search
+/// looks through the description of the API too, which is made when somebody searches.
+pub fn router(describe: fn() -> Value) -> Router {
+    let pages = ASSETS.iter().fold(Router::new(), |router, asset| {
         let tag = entity_tag(&asset.bytes);
         router.route(
             &asset.path,
             get(move |headers: HeaderMap| std::future::ready(serve(asset, &tag, &headers))),
         )
+    });
+    let index = move |headers: HeaderMap| {
+        let (asset, tag) = indexed(describe);
+        std::future::ready(serve(asset, tag, &headers))
+    };
+    pages.route(INDEX, get(index))
+}
+
+/// Gives the index of the search with its entity tag.
+fn indexed(describe: fn() -> Value) -> &'static (Asset, HeaderValue) {
+    static INDEXED: OnceLock<(Asset, HeaderValue)> = OnceLock::new();
+    INDEXED.get_or_init(|| {
+        let asset = Asset {
+            path: INDEX.into(),
+            content_type: JSON,
+            policy: DASHBOARD_POLICY,
+            bytes: search::index(&describe()).into(),
+        };
+        let tag = entity_tag(&asset.bytes);
+        (asset, tag)
     })
 }
 
@@ -201,6 +245,7 @@ mod tests {
     use super::*;
     use axum::body::{Body, to_bytes};
     use axum::http::Request;
+    use serde_json::json;
     use std::collections::BTreeSet;
     use tower::ServiceExt;
 
@@ -209,7 +254,9 @@ mod tests {
         if let Some(tag) = tag {
             request = request.header(IF_NONE_MATCH, tag);
         }
-        router()
+        static PAGES: LazyLock<Router> = LazyLock::new(|| router(|| json!({})));
+        PAGES
+            .clone()
             .oneshot(request.body(Body::empty()).unwrap())
             .await
             .unwrap()
@@ -217,7 +264,8 @@ mod tests {
 
     async fn text(path: &str) -> String {
         let body = fetch(path, None).await.into_body();
-        String::from_utf8(to_bytes(body, usize::MAX).await.unwrap().to_vec()).unwrap()
+        let bytes = to_bytes(body, usize::MAX).await.unwrap();
+        String::from_utf8_lossy(&bytes).into_owned()
     }
 
     #[tokio::test]
@@ -259,14 +307,18 @@ mod tests {
         }
         assert_eq!(
             seen,
-            ASSETS.len(),
+            ASSETS.len() + 1,
             "an asset is embedded that nothing names: {paths:?}"
         );
     }
 
+    fn is_attached(path: &str) -> bool {
+        ATTACHMENTS.iter().any(|attachment| attachment.path == path)
+    }
+
     /// Lists the quoted paths in a page (`"/assets/…"`) or a module (`"./….js"`, `"../….js"`).
     async fn named_by(path: &str) -> Vec<String> {
-        if path.contains("/vendor/") {
+        if path.contains("/vendor/") || path == INDEX || is_attached(path) {
             return Vec::new();
         }
         let (folder, _) = path.rsplit_once('/').unwrap();
