@@ -155,22 +155,6 @@ test("a prepared job tells what changed against the job that it follows", { skip
   await page.close();
 });
 
-// Reads the first number of a text as the page writes numbers.
-function numberIn(text) {
-  const plain = text
-    .replace(
-      /·10([⁻⁰¹²³⁴⁵⁶⁷⁸⁹]+)/,
-      (_, digits) =>
-        `e${[...digits]
-          .map((digit) => "⁻⁰¹²³⁴⁵⁶⁷⁸⁹".indexOf(digit))
-          .map((k) => (k === 0 ? "-" : k - 1))
-          .join("")}`,
-    )
-    .replaceAll("−", "-")
-    .replaceAll("\u202f", "");
-  return Number(/-?\d+\.?\d*(e-?\d+)?/.exec(plain)?.[0] ?? NaN);
-}
-
 // Jobs of different kinds: of low trust, at a bound, bound by a constraint, of two outputs, with a model search.
 const KINDS = {
   "of low trust": { outputs: { position: { noise_std: 2e-7 } } },

@@ -1,0 +1,182 @@
+// The tests read every number off the pages of jobs of every kind, and find the field of the API that the number
+// comes from.
+//
+// The variables that name the server and the browser are described in server.mjs and browser.mjs.
+
+import assert from "node:assert/strict";
+import { after, before, test } from "node:test";
+import { launch, open, PATIENCE, tools } from "./browser.mjs";
+import { api, jobsOfAllKinds } from "./kinds.mjs";
+import { digitsOf, Explained, neighbourOf, writtenIn } from "./numbers.mjs";
+import { base } from "./server.mjs";
+
+const { query } = await import(new URL("../../src/dashboard/assets/shell/api.js", import.meta.url));
+
+const skip = base && tools ? false : "GREYBOX_URL and PAGE_TOOLS are not set";
+const shared = { browser: null, checker: "", jobs: {} };
+
+before(async () => {
+  if (!skip) {
+    Object.assign(shared, await launch());
+    shared.jobs = await jobsOfAllKinds();
+  }
+});
+
+after(() => shared.browser?.close());
+
+// Words of the page that have numbers of their own: levels of intervals, what a sum is, the legend of shades, and days.
+const FIXED = [
+  /95 % (?:interval|band)/g,
+  /fit of 100 %/g,
+  /sum to 100 %/g,
+  /50 to 75 %|from 75 %/g,
+  /[A-Z][a-z]{2} \d+, \d{4}/g,
+];
+// Parts that are no words of the page: instants of the clock, texts as the server has them, the identity of a job, and
+// lines that have a test of their own.
+const LEFT_OUT = ["time", "pre", "code", ".tour", "[data-part='What each unknown moves']", ".scatter .tick"];
+
+// Reads the texts of the page one by one: text, labels, tips and fields.
+const textsOf = (page) =>
+  page.evaluate((leftOut) => {
+    const main = document.querySelector("#main");
+    const texts = [];
+    const walker = document.createTreeWalker(main, NodeFilter.SHOW_TEXT | NodeFilter.SHOW_ELEMENT);
+    for (let node = walker.currentNode; node; node = walker.nextNode()) {
+      const element = node instanceof Element ? node : node.parentElement;
+      if (element.closest(leftOut)) {
+        continue;
+      }
+      const part = element.closest("[data-part], section, fieldset");
+      const place = part?.getAttribute("data-part") ?? part?.getAttribute("aria-label") ?? element.tagName;
+      if (!(node instanceof Element)) {
+        texts.push({ text: node.textContent, place });
+        continue;
+      }
+      for (const text of [
+        node.getAttribute("aria-label"),
+        node.getAttribute("title"),
+        /** @type {any} */ (node).value,
+      ]) {
+        typeof text === "string" && texts.push({ text, place });
+      }
+    }
+    return texts.filter(({ text }) => /\d/.test(text));
+  }, LEFT_OUT.join(","));
+
+async function settled(page) {
+  await page.evaluate(() => {
+    for (const details of document.querySelectorAll("details:not(.save, .dropdown)")) {
+      details.open = true;
+    }
+  });
+  await page.waitForNetworkIdle({ idleTime: 400, ...PATIENCE });
+}
+
+// What the API says about a job: the job, its result, its search and what its plots are of.
+async function explainedBy(id) {
+  const job = await api(`/v1/jobs/${id}`);
+  const [result, report, trajectory, disturbance, ...others] = await Promise.all(
+    [
+      "result",
+      "report?format=json",
+      "trajectory",
+      "disturbance",
+      "generations?limit=500",
+      "candidates?limit=200",
+    ].map((part) => api(`/v1/jobs/${id}/${part}`)),
+  );
+  const ids = [...new Set((job.spec.experiments ?? []).map(({ dataset }) => dataset))];
+  const datasets = await Promise.all(ids.map((dataset) => api(`/v1/datasets/${dataset}`)));
+  const windows = (job.spec.experiments ?? []).map(({ dataset, window }) => [
+    dataset,
+    window?.from_s,
+    window?.to_s,
+  ]);
+  const samples = await Promise.all(
+    windows.map(([dataset, from, to]) => api(`/v1/datasets/${dataset}/samples${query({ from, to })}`)),
+  );
+  const more = [await api(`/v1/models/${job.model}`), await api("/v1/verdict-rules")];
+  const explained = new Explained()
+    .add(job, result, trajectory, disturbance, ...others, ...datasets, ...samples, ...more)
+    .add(report.residuals)
+    .add(derivedFrom({ result, report, trajectory, disturbance }));
+  for (const { conversion } of datasets.flatMap(({ signals }) => signals)) {
+    conversion && (conversion.factor !== 1 || conversion.offset !== 0) && explained.convert(conversion);
+  }
+  return explained;
+}
+
+// The ends of a band of 95 %.
+const ends = (middle, deviation) =>
+  [-1.96, 1.96].map((by) =>
+    middle.map((value, k) => (value === null ? null : value + by * (deviation[k] ?? NaN))),
+  );
+
+// What the page computes of the answers: ends of bands and bars, lengths of events, what the budget leaves, differences
+// of criteria, and errors as shares of values.
+function derivedFrom({ result, report, trajectory, disturbance }) {
+  const outputs = (trajectory.experiments ?? []).flatMap((experiment) => Object.values(experiment.outputs));
+  const series = (disturbance.experiments ?? []).flatMap((experiment) => experiment.disturbances);
+  const budget = (parameter) => {
+    const { name, experiment = null, standard_error: error, total_standard_error: total } = parameter;
+    const key = experiment === null ? name : `${name}[${experiment}]`;
+    const assumed = (result.budget ?? []).map(({ contributions }) => contributions[key]?.share ?? 0);
+    const noise = (error / total) ** 2;
+    return [noise, 1 - noise - assumed.reduce((sum, share) => sum + share, 0)];
+  };
+  const tried = result.model_search?.tried ?? [];
+  const { sample_time_s: step, signals } = result.inputs ?? {};
+  const { with_chosen: chosen = [], with_random: random = [], with_all: all = [] } = result;
+  return {
+    bands: [
+      ...outputs
+        .filter(({ deviation }) => deviation)
+        .map((output) => ends(output.simulated, output.deviation)),
+      ...series.map(({ value, deviation }) => ends(value, deviation)),
+    ],
+    events: series.flatMap(({ events }) => events.map((event) => event.end_s - event.start_s)),
+    bars: (report.residuals ?? []).map(({ histogram: { from, width, counts } }) =>
+      counts.map((_, k) => from + (k + 0.5) * width),
+    ),
+    budgets: (result.parameters ?? []).map(budget),
+    criteria: tried.map(({ bic }) => bic - tried[0].bic),
+    lengths: signals ? Object.values(signals).map(({ values }) => (values.length - 1) * step) : [],
+    alone: Object.entries(result.windows?.alone ?? {}).map(([name, errors]) =>
+      errors.map((error) => error / all.find((entry) => entry.name === name).value),
+    ),
+    errors: [...chosen, ...random, ...all].map((entry) => [
+      entry.total_standard_error / entry.value,
+      entry.standard_error / entry.value,
+    ]),
+  };
+}
+
+test("every number of a job's page is one of the API's", { skip }, async () => {
+  const unexplained = [];
+  for (const [kind, id] of Object.entries(shared.jobs)) {
+    const page = await open(`/#/jobs/${id}`);
+    await page.waitForSelector(
+      ".verdict .grade, [aria-label^='Design'] table, [aria-label^='Selection'] table",
+      PATIENCE,
+    );
+    const t0 = Date.now();
+    await settled(page);
+    console.log("settled", Date.now() - t0);
+    const explained = await explainedBy(id);
+    let [numbers, neighbours] = [0, 0];
+    for (const { text, place } of await textsOf(page)) {
+      const words = FIXED.reduce((rest, fixed) => rest.replace(fixed, ""), text);
+      for (const entry of writtenIn(words)) {
+        numbers += digitsOf(entry) > 2 ? 1 : 0;
+        neighbours += digitsOf(entry) > 2 && explained.has(neighbourOf(entry)) ? 1 : 0;
+        explained.has(entry) ||
+          unexplained.push(`${kind}: ${entry.written} in “${text.slice(0, 160)}” of ${place}`);
+      }
+    }
+    console.log(kind, numbers, neighbours, Date.now() - t0);
+    assert.deepEqual(page.faults, [], kind);
+    await page.close();
+  }
+  assert.deepEqual(unexplained, []);
+});
