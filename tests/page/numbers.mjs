@@ -33,7 +33,7 @@ export const writtenIn = (text) => {
   const plain = text.replace(INSTANT, (instant) => " ".repeat(instant.length));
   return [...plain.matchAll(WRITTEN)].map(({ 0: written, index }) => ({
     written,
-    isShare: /^[\s\u00a0]%/.test(plain.slice(index + written.length)),
+    isShare: /^(?: to \S+)?\s%/.test(plain.slice(index + written.length)),
   }));
 };
 
@@ -99,7 +99,7 @@ export class Explained {
     for (let digits = 2; digits <= 7; digits += 1) {
       texts.add(format.number(size, digits)).add(format.number(size, digits, true));
     }
-    texts.add(format.count(Math.round(size)));
+    texts.add(format.count(Math.round(size))).add(String(size));
   }
 
   /** Takes a share, which is written in percent, and by one digit below a tenth of a percent. @param {number} share */

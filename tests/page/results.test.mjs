@@ -10,6 +10,7 @@ import { api, jobsOfAllKinds } from "./kinds.mjs";
 import { digitsOf, Explained, neighbourOf, writtenIn } from "./numbers.mjs";
 import { base } from "./server.mjs";
 
+const { duration } = await import(new URL("../../src/dashboard/assets/shell/format.js", import.meta.url));
 const { query } = await import(new URL("../../src/dashboard/assets/shell/api.js", import.meta.url));
 
 const skip = base && tools ? false : "GREYBOX_URL and PAGE_TOOLS are not set";
@@ -30,11 +31,20 @@ const FIXED = [
   /fit of 100 %/g,
   /sum to 100 %/g,
   /50 to 75 %|from 75 %/g,
+  /seconds since 1904/g,
   /[A-Z][a-z]{2} \d+, \d{4}/g,
 ];
 // Parts that are no words of the page: instants of the clock, texts as the server has them, the identity of a job, and
 // lines that have a test of their own.
-const LEFT_OUT = ["time", "pre", "code", ".tour", "[data-part='What each unknown moves']", ".scatter .tick"];
+const LEFT_OUT = [
+  "time",
+  "pre",
+  "code",
+  ".tour",
+  "[data-part='What each unknown moves']",
+  ".scatter .tick",
+  "input[type='range']",
+];
 
 // Reads the texts of the page one by one: text, labels, tips and fields.
 const textsOf = (page) =>
@@ -212,12 +222,27 @@ test("every number of a job's page is one of the API's", { skip }, async (t) => 
   t.diagnostic(judge(pages));
 });
 
+// The form offers all recordings with their lengths, and its sliders begin at defaults or in the middle of ranges.
+async function explainForm(explained, id) {
+  const { items } = await api("/v1/datasets?limit=200");
+  const { spec, model } = await api(`/v1/jobs/${id}`);
+  const { parameters } = await api(`/v1/models/${model}`);
+  for (const recording of items) {
+    explained.add([recording]).addText(duration(recording.duration_s));
+  }
+  for (const { name, lower, upper } of parameters) {
+    const range = { lower, upper, ...spec.parameters[name]?.estimate };
+    explained.take(range.lower > 0 ? Math.sqrt(range.lower * range.upper) : (range.lower + range.upper) / 2);
+  }
+}
+
 test("every number of a job's form is one of the API's", { skip }, async (t) => {
   const pages = [];
   for (const [name, id] of Object.entries(shared.jobs)) {
     const { kind } = await api(`/v1/jobs/${id}`);
     if (kind === "identification") {
       const explained = await explainedBy(id);
+      await explainForm(explained, id);
       const ready = "::-p-text(The job can start.)";
       pages.push(await unexplainedOn({ address: `/#/new?from=${id}`, ready, name }, explained));
     }

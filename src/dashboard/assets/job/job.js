@@ -293,8 +293,8 @@ async function compareMethods(job, outcome) {
 function specification(job) {
   return h(
     "details",
-    {},
-    h("summary", {}, "Complete specification"),
+    { class: "analysed" },
+    h("summary", {}, h("h3", {}, "Complete specification")),
     h("pre", { tabindex: "0" }, JSON.stringify(job.spec, null, 2)),
   );
 }

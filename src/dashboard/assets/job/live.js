@@ -41,8 +41,8 @@ export function livePanel(view, id) {
   );
   const element = h(
     "details",
-    { class: "live", "data-part": "Candidates" },
-    h("summary", {}, "Candidates, and the best against what was measured"),
+    { class: "analysed", "data-part": "Candidates" },
+    h("summary", {}, h("h3", {}, "Candidates, and the best against what was measured")),
     outcome.place,
     h("div", { class: "pair" }, scatter, compared.element),
   );

@@ -274,7 +274,7 @@ function search(result) {
     ["Best found in generation", Number.isFinite(made.best_generation) ? count(made.best_generation) : null],
     ["Evaluations", `${count(made.evaluations)}, ${count(made.distinct_evaluations)} of them distinct`],
     ["Failed evaluations", failed.join(", ")],
-    ["Best credit", number(made.best_credit, 3)],
+    ["Best credit", Number.isFinite(made.best_credit) ? number(made.best_credit, 3) : null],
     ["Cost of the estimate", number(criteria.cost, 6)],
     ["AIC · AICc · BIC", criterion],
     ["FPE", number(criteria.fpe)],

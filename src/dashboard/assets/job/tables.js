@@ -104,10 +104,11 @@ function ofExperiment(name, experiment) {
 
 /** @param {import("page/api").Schemas["InitialStateEstimate"][]} states */
 export function initialStateTable(states) {
+  const several = states.some(({ experiment }) => experiment > 0);
   return table(
     "Estimated initial states",
-    ESTIMATE_COLUMNS,
-    states.map((state) => estimateRow(ofExperiment(state.state, state.experiment), state)),
+    [{ title: "State" }, ...ESTIMATE_COLUMNS.slice(1)],
+    states.map((state) => estimateRow(ofExperiment(state.state, several ? state.experiment : null), state)),
     { stacked: true },
   );
 }
