@@ -77,6 +77,7 @@ function comparison({ proposals, sensors }) {
         played(proposal.excitation),
         `× ${number(proposal.relative_error, 3)}`,
       ]),
+      { stacked: true },
     ),
     sensors.length > 0 &&
       table(
@@ -101,7 +102,7 @@ function knownTable(before, after) {
       number(unknown.standard_error, 3),
       unitText(unknown.unit),
     ]),
-    { empty: "It cannot be simulated at the present values." },
+    { empty: "It cannot be simulated at the present values.", stacked: true },
   );
 }
 

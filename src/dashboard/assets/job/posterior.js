@@ -29,7 +29,7 @@ export function posteriorPart(job, result) {
       { class: "quiet" },
       `The likelihood with the priors, drawn by ${count(described[0]?.posterior.chains)} chains of ${count(draws.generations)} generations. An R̂ below 1.01 and more than 400 effective draws say that the chains have seen the distribution.${more}`,
     ),
-    table("Draws from the posterior", COLUMNS, described.map(row)),
+    table("Draws from the posterior", COLUMNS, described.map(row), { stacked: true }),
     corner(draws, statesOf(result)),
     h(
       "a",

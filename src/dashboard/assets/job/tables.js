@@ -231,7 +231,7 @@ export function residualTable(residuals, model) {
       count(Math.round(report.effective_samples ?? NaN)),
     ];
   });
-  return table("Residuals of the outputs", RESIDUAL_COLUMNS, rows);
+  return table("Residuals of the outputs", RESIDUAL_COLUMNS, rows, { stacked: true });
 }
 
 /** @param {import("page/api").Schemas["StartReport"][]} starts @param {string[]} states */
