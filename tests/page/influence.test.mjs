@@ -157,7 +157,7 @@ test("each experiment has its own unknowns, and a design has no such part", { sk
   const common = parameters.filter(({ experiment = null }) => experiment === null).length;
   const statesOf = (k) => states.filter(({ experiment }) => experiment === k).length;
   assert.equal(parameters.length, common + 1);
-  const { page } = await opened(job);
+  const { page, asked } = await opened(job);
   await show(page);
   assert.equal(Object.keys(await rowsOf(page)).length, common + statesOf(0));
   await (await labelled(page, "Experiment")).select("1");

@@ -165,14 +165,15 @@ function derivedFrom({ result, report, trajectory, disturbance }) {
 // Answers to requests that the page makes of its own: simulations of candidates and the check of a specification.
 const ASKED = /\/v1\/(?:simulations|jobs)\?/;
 
-// Opens a page and lists the numbers on it that no answer explains. Of the numbers of three digits and more it counts
+// Opens a page and lists the numbers on it that no answer explains. An answer to a request that the page has given up
+// explains none. Of the numbers of three digits and more it counts
 // also how many would be explained with another last digit.
 async function unexplainedOn({ address, ready, name }, explained) {
   const page = await open(address);
   const answers = [];
   page.on("response", (response) => {
     if (response.request().method() === "POST" && ASKED.test(response.url())) {
-      answers.push(response.json());
+      answers.push(response.json().catch(() => null));
     }
   });
   await page.waitForSelector(ready, PATIENCE);

@@ -21,6 +21,7 @@ import {
   text,
   tools,
 } from "./browser.mjs";
+import { numberIn } from "./numbers.mjs";
 import { base, ended, JOB, post, recording } from "./server.mjs";
 
 const skip = base && tools ? false : "GREYBOX_URL and PAGE_TOOLS are not set";
