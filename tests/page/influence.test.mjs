@@ -88,7 +88,7 @@ test("the lines of a linear model are those in closed form, and the ranking is t
     near(numberIn(byErrors[name].step), estimates[name].total_standard_error, `step of ${name}`);
   }
   assert.match(byErrors.capacity.step, /J\/K$/);
-  // What a state at the start moves dies out with the time constant of the wall; the conductance is 5 W/K.
+  // The line of a state at the start dies out with the time constant of the wall; the conductance is 5 W/K.
   const capacity = estimates.capacity.estimate;
   const start = estimates.wall.total_standard_error;
   const decay = Math.exp((-5 * 598) / capacity);

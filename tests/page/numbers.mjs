@@ -83,7 +83,7 @@ function columnsOf(list, place = "", columns = new Map()) {
 }
 
 /**
- * What a page may write: the numbers of documents, to two to seven digits, as shares in percent, as counts, as
+ * The numbers that a page may write: those of documents, to two to seven digits, as shares in percent, as counts, as
  * durations, and in the units that signals were recorded in.
  */
 export class Explained {

@@ -45,10 +45,10 @@ test("an experiment is moved by shared parameters, by its own and by its states"
 });
 
 test("a step is the total standard error or a hundredth of the value, and where there is none it says why", () => {
-  const [mass, friction, own] = unknownsOf(RESULT);
+  const [mass, friction, later] = unknownsOf(RESULT);
   assert.equal(stepOf(mass, "error").size, 2);
   assert.equal(stepOf(friction, "error").size, 0.5);
-  assert.match(stepOf(own, "error").reason, /no standard error/);
+  assert.match(stepOf(later, "error").reason, /no standard error/);
   assert.ok(Math.abs(stepOf(mass, "percent").size - 0.95) < 1e-12);
   assert.match(stepOf(friction, "percent").reason, /0, and so is 1 % of it/);
   const moved = valuesOf([mass, friction], mass, 2);

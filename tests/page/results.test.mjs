@@ -83,7 +83,7 @@ async function settled(page) {
   await page.waitForNetworkIdle({ idleTime: 400, ...PATIENCE });
 }
 
-// What the API says about a job: the job, its result, its search and what its plots are of.
+// The answers of the API about a job explain its numbers: the job, its result, its search and what its plots are of.
 async function explainedBy(id) {
   const job = await api(`/v1/jobs/${id}`);
   const [result, report, trajectory, disturbance, ...others] = await Promise.all(
@@ -123,7 +123,7 @@ const ends = (middle, deviation) =>
     middle.map((value, k) => (value === null ? null : value + by * (deviation[k] ?? NaN))),
   );
 
-// What the page computes of the answers: ends of bands and bars, lengths of events, what the budget leaves, differences
+// The page computes numbers of the answers: ends of bands and bars, lengths of events, what the budget leaves, differences
 // of criteria, and errors as shares of values.
 function derivedFrom({ result, report, trajectory, disturbance }) {
   const outputs = (trajectory.experiments ?? []).flatMap((experiment) => Object.values(experiment.outputs));

@@ -125,7 +125,7 @@ export function valuesOf(unknowns, moved = null, size = 0) {
 }
 
 /**
- * How an output differs between two simulations, at the instants of the first. An instant that the second does
+ * The difference of an output between two simulations, at the instants of the first. An instant that the second does
  * not have is left out (undefined), and a value that one of them lacks is a gap (null).
  *
  * @param {Simulated} before
