@@ -146,8 +146,9 @@ fn embedded() -> impl IntoIterator<Item = Asset> { assets! {
         "preparing.js" "quality.js" "recipe.js" "roles.js" "units.js" "upload.js" "versions.js";
     "docs": "guide.css" "matching.js" "reference.js" "search.js";
     "job": "ancestry.js" "budget.js" "contents.js" "correlation.js" "design.js" "disturbance.js" "disturbance_words.js" "effects.js"
-        "feed.js" "heat.js" "job.css" "job.js" "live.js" "naming.js" "plain.js" "posterior.js" "profiles.js" "progress.js" "reading.js"
-        "residuals.js" "result.js" "ribbon.js" "selection.js" "tables.js" "time_left.js" "trajectory.js" "verdict.js" "windows.js";
+        "feed.js" "heat.js" "influence.js" "job.css" "job.js" "live.js" "moves.js" "naming.js" "plain.js" "posterior.js" "profiles.js"
+        "progress.js" "reading.js" "residuals.js" "result.js" "ribbon.js" "selection.js" "tables.js" "time_left.js" "trajectory.js" "unknowns.js" "verdict.js"
+        "windows.js";
     "list": "bulk.js" "columns.js" "dropdown.js" "filter.js" "groups.js" "jobs.css" "jobs.js" "layout.js" "rows.js" "start.js" "views.js";
     "model": "description.js" "editor.js" "equation.js" "excitation.js" "language.js" "models.js"
         "parameters.js" "picture.js" "signals.js" "simulation.js" "sliders.js" "trial.js";

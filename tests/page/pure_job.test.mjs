@@ -441,6 +441,8 @@ test("initial states are told apart from the parameters among the unknowns", () 
   const position = { name: "position", unit: "m", experiment: 0 };
   assert.equal(unknownsText(2, [mass, position]), "2, of them initial states 1");
   assert.equal(unknownsText(1, [{ ...mass, experiment: null }]), "1");
+  const second = { name: "mass[1]", unit: "kg", experiment: 1 };
+  assert.equal(unknownsText(3, [mass, second, position]), "3, of them initial states 1");
 });
 
 test("windows of a recording keep within it, and the longest unused part is told", () => {

@@ -22,6 +22,7 @@ import {
   text,
   tools,
 } from "./browser.mjs";
+import { numberIn } from "./numbers.mjs";
 import { base, ended, JOB, post, recording } from "./server.mjs";
 
 const skip = base && tools ? false : "GREYBOX_URL and PAGE_TOOLS are not set";
@@ -155,22 +156,6 @@ test("a prepared job tells what changed against the job that it follows", { skip
   assert.deepEqual(page.faults, []);
   await page.close();
 });
-
-// Reads the first number of a text as the page writes numbers.
-function numberIn(text) {
-  const plain = text
-    .replace(
-      /·10([⁻⁰¹²³⁴⁵⁶⁷⁸⁹]+)/,
-      (_, digits) =>
-        `e${[...digits]
-          .map((digit) => "⁻⁰¹²³⁴⁵⁶⁷⁸⁹".indexOf(digit))
-          .map((k) => (k === 0 ? "-" : k - 1))
-          .join("")}`,
-    )
-    .replaceAll("−", "-")
-    .replaceAll("\u202f", "");
-  return Number(/-?\d+\.?\d*(e-?\d+)?/.exec(plain)?.[0] ?? NaN);
-}
 
 // Jobs of different kinds: of low trust, at a bound, bound by a constraint, of two outputs, with a model search.
 const KINDS = {

@@ -6,8 +6,9 @@ import { sideBySide } from "../compare/differences.js";
 import { trustBadge } from "../list/rows.js";
 import { get } from "../shell/api.js";
 import { h, table } from "../shell/dom.js";
-import { number, unitText, withError, words } from "../shell/format.js";
+import { number, unitText, withError } from "../shell/format.js";
 import { FOLLOWS } from "../shell/prepared.js";
+import { unknownWords } from "./unknowns.js";
 
 /** @typedef {import("page/api").Schemas["Outcome"]} Outcome */
 
@@ -119,7 +120,7 @@ function comparison(before, now) {
       ? withError(estimate.estimate, estimate.total_standard_error ?? estimate.standard_error).join(" ± ")
       : "–";
   const rows = moves(before, now).map(({ key, unit, old, recent, moved }) => [
-    words(key),
+    unknownWords(key),
     value(old),
     value(recent),
     unitText(unit),

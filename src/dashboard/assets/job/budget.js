@@ -7,6 +7,7 @@ import { h } from "../shell/dom.js";
 import { number, quantity, words } from "../shell/format.js";
 import { heatTable } from "./heat.js";
 import { readable } from "./reading.js";
+import { unknownWords } from "./unknowns.js";
 
 /** @typedef {import("page/api").Schemas["BudgetLine"]} BudgetLine */
 /** @typedef {{ source: string, look: string, share: number, detail: string }} Share */
@@ -18,6 +19,8 @@ const LEAST_DRAWN = 0.001;
 // A part that is narrower shows no text.
 const LEAST_WRITTEN = 0.07;
 const SCORE_LIMIT = 4;
+// A share that is smaller is what rounding leaves of a sum.
+const ROUNDING = 1e-9;
 
 /** @param {{ budget: BudgetLine[], parameters: any[] }} result */
 export function budgetPart(result) {
@@ -73,7 +76,7 @@ export function budgetBars({ budget, parameters }) {
         look: "rest",
         share: rest.reduce((sum, line) => sum + shareOf(line, key), 0),
         detail: rest
-          .filter((line) => shareOf(line, key) !== 0)
+          .filter((line) => Math.abs(shareOf(line, key)) > ROUNDING)
           .map((line) => `${words(line.assumption)} ${shareText(shareOf(line, key))}`)
           .join(", "),
       },
@@ -86,7 +89,7 @@ export function budgetBars({ budget, parameters }) {
     ];
     return {
       key,
-      label: words(key),
+      label: unknownWords(key),
       total: error(parameter.total_standard_error),
       parts: parts.filter(({ share }) => share !== 0),
     };
@@ -176,7 +179,7 @@ export function budgetTable({ budget, parameters }) {
   const largest = ({ contributions }) =>
     Math.max(0, ...Object.values(contributions).map(({ share }) => Math.abs(share)));
   const lines = [...budget].sort((a, b) => largest(b) - largest(a));
-  const columns = ["Value", "Residuals pull", "Would explain them", ...keys.map(words)];
+  const columns = ["Value", "Residuals pull", "Would explain them", ...keys.map((key) => unknownWords(key))];
   const cells = lines.map((line) => {
     const { value, tolerance, unit, score, suggested, by_default } = line;
     return [
@@ -263,5 +266,6 @@ export function remainderOf(parameter, budget) {
   const assumed = budget
     .map(({ contributions }) => contributions[keyOf(parameter)]?.share ?? 0)
     .reduce((sum, share) => sum + share, 0);
-  return { noise, beside: Math.max(0, 1 - noise - assumed) };
+  const beside = 1 - noise - assumed;
+  return { noise, beside: beside > ROUNDING ? beside : 0 };
 }

@@ -4,9 +4,10 @@
 // told by colour and by shape.
 
 import { h, svg } from "../shell/dom.js";
-import { number, words } from "../shell/format.js";
+import { number } from "../shell/format.js";
 import { heatTable } from "./heat.js";
 import { readable } from "./reading.js";
+import { unknownWords } from "./unknowns.js";
 
 const CELL = 36;
 const LARGEST = 0.44 * CELL;
@@ -18,35 +19,33 @@ export function correlationText(value) {
   return value === null || value === undefined ? "–" : number(value, Math.abs(value) > 0.99 ? 4 : 2);
 }
 
-/** @param {import("page/api").Schemas["Correlation"]} correlation */
-export function correlationPart(correlation) {
-  const { condition_number: condition } = correlation;
+/** @param {import("page/api").Schemas["Correlation"]} correlation @param {string[]} states */
+export function correlationPart({ names, matrix, condition_number: condition }, states) {
+  const inWords = { names: names.map((name) => unknownWords(name, states)), matrix };
   return h(
     "div",
     {},
-    picture(correlation),
+    picture(inWords),
     h(
       "p",
       { class: "quiet" },
       "Near 1 or −1 the data fix a combination of the two better than either.",
       Number.isFinite(condition) ? ` Condition number ${number(condition, 3)}.` : "",
     ),
-    h("details", {}, h("summary", {}, "Correlations as a table"), correlationTable(correlation)),
+    h("details", {}, h("summary", {}, "Correlations as a table"), correlationTable(inWords)),
   );
 }
 
-/** @param {import("page/api").Schemas["Correlation"]} correlation */
 function correlationTable({ names, matrix }) {
-  const short = names.map(words);
-  return heatTable("Correlation of the errors", short, short, (i, k) => {
+  return heatTable("Correlation of the errors", names, names, (i, k) => {
     const value = matrix[i]?.[k];
     return { text: i === k ? "1" : correlationText(value), value: i === k ? 0 : value };
   });
 }
 
-/** @param {import("page/api").Schemas["Correlation"]} correlation */
+/** @param {{ names: string[], matrix: (number | null)[][] }} correlation */
 function picture({ names, matrix }) {
-  const short = names.map((name, k) => `${k + 1} ${words(name)}`);
+  const short = names.map((name, k) => `${k + 1} ${name}`);
   const left = CHARACTER * Math.max(...short.map(({ length }) => length)) + 8;
   const size = { width: left + CELL * names.length + 2, height: HEAD + CELL * names.length + 2 };
   const readout = h("output", { class: "readout" }, "");
@@ -90,7 +89,7 @@ function picture({ names, matrix }) {
 }
 
 function disc({ names, value, i, k, x, y }) {
-  const label = `${words(names[i])} and ${words(names[k])}: ${i === k ? "1" : correlationText(value)}`;
+  const label = `${names[i]} and ${names[k]}: ${i === k ? "1" : correlationText(value)}`;
   return svg(
     "g",
     { role: "img", "aria-label": label, class: "cell", transform: `translate(${x} ${y})` },

@@ -50,26 +50,42 @@ function report(design, view) {
       design.finished ? "." : ", as far as was looked.",
     ),
     design.findings.length > 0 && warningList(design.findings),
-    h("h3", {}, "What it would bring"),
-    knownTable(design.before, best.after),
-    ...playedPlots(design, view),
+    h(
+      "div",
+      { class: "workbench" },
+      h(
+        "div",
+        {},
+        h("h3", {}, "What it would bring"),
+        knownTable(design.before, best.after),
+        ...comparison(design),
+      ),
+      h("div", {}, ...playedPlots(design, view)),
+    ),
+  ];
+}
+
+// The proposals, and what a further sensor would bring.
+function comparison({ proposals, sensors }) {
+  return [
     h("h3", {}, "Compared"),
     table(
       "Experiments compared",
       RANKED_COLUMNS,
-      design.proposals.map((proposal) => [
+      proposals.map((proposal) => [
         words(proposal.name),
         played(proposal.excitation),
         `× ${number(proposal.relative_error, 3)}`,
       ]),
+      { stacked: true },
     ),
-    design.sensors.length > 0 &&
+    sensors.length > 0 &&
       table(
         "Sensors compared",
         SENSOR_COLUMNS,
-        design.sensors.map((sensor) => [words(sensor.output), `× ${number(sensor.relative_error, 3)}`]),
+        sensors.map((sensor) => [words(sensor.output), `× ${number(sensor.relative_error, 3)}`]),
       ),
-  ];
+  ].filter(Boolean);
 }
 
 // The table has the standard deviations that count the tolerances of assumed values; an unknown that
@@ -86,7 +102,7 @@ function knownTable(before, after) {
       number(unknown.standard_error, 3),
       unitText(unknown.unit),
     ]),
-    { empty: "It cannot be simulated at the present values." },
+    { empty: "It cannot be simulated at the present values.", stacked: true },
   );
 }
 
@@ -100,6 +116,7 @@ function playedPlots({ inputs, proposals }, view) {
   return Object.entries(inputs.signals).map(([name, { unit, values }]) => {
     const chart = plot({
       title: `Play ${words(name)}`,
+      height: 340,
       signal: view.signal,
       x: { label: "time", unit: "s" },
       y: { label: words(name), unit },

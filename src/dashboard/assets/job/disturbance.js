@@ -42,12 +42,13 @@ export function disturbancePanel(view, id) {
       const signal = leave.signal;
       view.signal.addEventListener("abort", () => leave.abort(), { once: true });
       const charts = h("div", {});
+      const events = h("div", {});
       content.replaceChildren(
         h(
           "div",
           { class: "workbench" },
           h("div", {}, ...told(noise), charts),
-          h("div", {}, ...compared(noise)),
+          h("div", {}, ...compared(noise), events),
         ),
       );
       if (noise.disturbances.length === 0) {
@@ -56,7 +57,8 @@ export function disturbancePanel(view, id) {
       try {
         const { data } = await get(`/v1/jobs/${id}/disturbance?max_points=2`, signal);
         for (const experiment of data.experiments) {
-          draw({ place: charts, id, job, experiment, number: data.experiments.length, signal, outcome });
+          const { length: number } = data.experiments;
+          draw({ place: charts, events, id, job, experiment, number, signal, outcome });
         }
       } catch (error) {
         outcome.fail(error);
@@ -115,6 +117,7 @@ function compared({ chosen, compared: models, innovations, held_back: heldBack }
         { title: "BIC, lowest is best", numeric: true },
       ],
       rows,
+      { stacked: true },
     ),
     h("h3", {}, "Errors of prediction from sample to sample"),
     table(
@@ -127,16 +130,20 @@ function compared({ chosen, compared: models, innovations, held_back: heldBack }
         { title: "Held back, in the 95 % band", numeric: true },
       ],
       tests,
+      { stacked: true },
     ),
   ];
 }
 
-function draw({ place, id, job, experiment, number: experiments, signal, outcome }) {
+function draw({ place, events, id, job, experiment, number: experiments, signal, outcome }) {
   const { experiment: k, disturbances, span_s: full = [0, 1] } = experiment;
   const specification = job?.spec?.experiments?.[k] ?? {};
   if (experiments > 1) {
     place.append(h("h3", {}, `Experiment ${k + 1}`));
   }
+  const several = experiments > 1 || disturbances.length > 1;
+  const titleOf = ({ acts_on: actsOn }) =>
+    several ? `Events of the ${actedOn(actsOn)}${experiments > 1 ? `, experiment ${k + 1}` : ""}` : "Events";
   const columns = 2 * disturbances.length + Object.keys(experiment.outputs).length;
   const group = new PlotGroup({
     full,
@@ -152,7 +159,7 @@ function draw({ place, id, job, experiment, number: experiments, signal, outcome
   const held = heldBack(experiment, specification, full);
   disturbances.forEach((disturbance, index) => {
     place.append(...pictures({ disturbance, index, group, held, signal }));
-    place.append(eventList(disturbance, group));
+    events.append(eventList(disturbance, group, titleOf(disturbance)));
   });
   group.start();
 }
@@ -209,9 +216,14 @@ function pictures({ disturbance, index, group, held, signal }) {
   return [path.element, surprise.element];
 }
 
-function eventList({ events, event_count: all, kind, unit }, group) {
+function eventList({ events, event_count: all, kind, unit }, group, name) {
   if (events.length === 0) {
-    return h("p", { class: "quiet" }, `No event: no change is beyond t = ±${EVENT}.`);
+    return h(
+      "div",
+      {},
+      h("h3", {}, name),
+      h("p", { class: "quiet" }, `None: no change is beyond t = ±${EVENT}.`),
+    );
   }
   const shown = [...events].sort((a, b) => Math.abs(b.t) - Math.abs(a.t)).slice(0, EVENTS_SHOWN);
   const rows = shown.map(({ start_s: from, end_s: to, size, t }) => {
@@ -224,7 +236,7 @@ function eventList({ events, event_count: all, kind, unit }, group) {
       number(t, 3),
     ];
   });
-  const title = `Events, the largest first${all > shown.length ? ` (${shown.length} of ${count(all)})` : ""}`;
+  const title = `${name}, the largest first${all > shown.length ? ` (${shown.length} of ${count(all)})` : ""}`;
   return h(
     "div",
     {},

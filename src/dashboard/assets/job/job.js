@@ -47,8 +47,10 @@ export function showJob(view, id) {
   const contents = contentsOf(parted, view.signal);
   const page = h("div", { class: "with-contents" }, contents.element, parted);
   // The result stands first once there is a result; until then the progress stands first. A wide page has the
-  // numbers and the plots beside each other, and what is behind the numbers below.
-  const arrange = (hasResult) => {
+  // numbers and the plots beside each other, and what is behind the numbers below, or below the numbers where the
+  // column of the plots is long.
+  const arrange = (/** @type {any} */ estimate = null) => {
+    const hasResult = estimate !== null;
     const { live, progress, result, trajectory, disturbance } = panels;
     const elements = (...shown) => shown.map(({ element }) => element);
     columns[0].replaceChildren(...elements(...(hasResult ? [result] : [progress])));
@@ -64,6 +66,9 @@ export function showJob(view, id) {
           ]
         : elements(trajectory, disturbance)),
     );
+    if (hasResult && isWide() && plotsOf(feed.job, estimate) > FEW_PLOTS) {
+      columns[0].append(...result.analysis.querySelectorAll(":scope > :not(.across)"));
+    }
     parted.append(parts.spec);
     body.append(page);
     contents.draw();
@@ -139,9 +144,9 @@ export function showJob(view, id) {
         body.append(plain.element, parts.spec);
         return;
       }
-      arrange(false);
+      arrange();
       panels.result.job(job).then((result) => {
-        arrange(result !== null && isFinished(job));
+        arrange(isFinished(job) ? result : null);
         if (result) {
           // The grade stands beside the state: a job that succeeded may have numbers that must not be used.
           const grade = trust(result);
@@ -180,6 +185,16 @@ export function showJob(view, id) {
     },
     () => {},
   );
+}
+
+const isWide = () => matchMedia("(min-width: 100rem)").matches;
+// So many plots are as high as the numbers of an estimate.
+const FEW_PLOTS = 3;
+
+// The plots of measured and simulated outputs: two for each output and one for the inputs of each experiment.
+/** @param {any} job @param {any} result */
+function plotsOf({ spec }, { fit }) {
+  return spec.experiments.length * (2 * Object.keys(fit?.estimation ?? {}).length + 1);
 }
 
 /** @param {any} result */
@@ -293,8 +308,8 @@ async function compareMethods(job, outcome) {
 function specification(job) {
   return h(
     "details",
-    {},
-    h("summary", {}, "Complete specification"),
+    { class: "analysed" },
+    h("summary", {}, h("h3", {}, "Complete specification")),
     h("pre", { tabindex: "0" }, JSON.stringify(job.spec, null, 2)),
   );
 }

@@ -8,6 +8,7 @@ import { get, query } from "../shell/api.js";
 import { h, notice, svg } from "../shell/dom.js";
 import { number, words } from "../shell/format.js";
 import { isFinished } from "./feed.js";
+import { valuesOfCandidate } from "./moves.js";
 
 const EVERY_MS = 4000;
 const CANDIDATES_SHOWN = 600;
@@ -40,8 +41,8 @@ export function livePanel(view, id) {
   );
   const element = h(
     "details",
-    { class: "live", "data-part": "Candidates" },
-    h("summary", {}, "Candidates, and the best against what was measured"),
+    { class: "analysed", "data-part": "Candidates" },
+    h("summary", {}, h("h3", {}, "Candidates, and the best against what was measured")),
     outcome.place,
     h("div", { class: "pair" }, scatter, compared.element),
   );
@@ -90,12 +91,10 @@ export function livePanel(view, id) {
       );
       state.after = data.next_after ?? data.items.at(-1)?.generation ?? state.after;
       draw();
-      if (state.best && state.best !== state.simulated) {
+      if (state.best && state.columns.length > 0 && state.best !== state.simulated) {
         state.simulated = state.best;
-        const parameters = Object.fromEntries(
-          Object.entries(state.best).filter(([name]) => !name.includes("[") && isParameter(state.job, name)),
-        );
-        compared.show(await comparedWith(state.job.spec, 0, parameters, view.signal));
+        const { values, states } = valuesOfCandidate(state.columns, state.best, 0);
+        compared.show(await comparedWith(state.job.spec, 0, values, view.signal, states));
       }
       outcome.clear();
     } catch (error) {
@@ -117,11 +116,6 @@ export function livePanel(view, id) {
       }
     },
   };
-}
-
-// Initial states stand among the unknowns too; they are no parameters.
-function isParameter(job, name) {
-  return name in (job.spec.parameters ?? {});
 }
 
 function drawScatter(picture, candidates, [across, up], units) {

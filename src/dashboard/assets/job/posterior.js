@@ -3,7 +3,8 @@
 // well the chains that drew them have converged.
 
 import { h, svg, table } from "../shell/dom.js";
-import { count, number, words } from "../shell/format.js";
+import { count, number } from "../shell/format.js";
+import { labelOf, statesOf, unknownWords } from "./unknowns.js";
 
 const MOST_UNKNOWNS = 6;
 const BARS = 20;
@@ -28,8 +29,8 @@ export function posteriorPart(job, result) {
       { class: "quiet" },
       `The likelihood with the priors, drawn by ${count(described[0]?.posterior.chains)} chains of ${count(draws.generations)} generations. An R̂ below 1.01 and more than 400 effective draws say that the chains have seen the distribution.${more}`,
     ),
-    table("Draws from the posterior", COLUMNS, described.map(row)),
-    corner(draws),
+    table("Draws from the posterior", COLUMNS, described.map(row), { stacked: true }),
+    corner(draws, statesOf(result)),
     h(
       "a",
       { class: "button", href: `/v1/jobs/${job.id}/posterior`, download: `${job.id}-draws.json` },
@@ -51,9 +52,10 @@ const COLUMNS = [
   { title: "Tails", numeric: true },
 ];
 
-function row({ name, state, unit, posterior }) {
+function row(estimate) {
+  const { unit, posterior } = estimate;
   return [
-    words(name ?? state),
+    labelOf(estimate),
     unit,
     number(posterior.mean),
     number(posterior.standard_deviation, 3),
@@ -80,8 +82,9 @@ function quantile(sorted, share) {
  *
  * @param {{ names: string[], units: string[], rows: number[][] }} draws
  * @param {number} index
+ * @param {string[]} [states]
  */
-export function cornerColumn({ names, units, rows }, index) {
+export function cornerColumn({ names, units, rows }, index, states = []) {
   const values = rows.map((draw) => draw[index]);
   const sorted = [...values].sort((a, b) => a - b);
   const [low, high] = SHOWN.map((share) => quantile(sorted, share));
@@ -89,7 +92,7 @@ export function cornerColumn({ names, units, rows }, index) {
     return null;
   }
   return {
-    label: `${words(names[index])} [${units[index]}]`,
+    label: `${unknownWords(names[index], states)} [${units[index]}]`,
     low,
     high,
     places: values.map((value) => (value - low) / (high - low)),
@@ -109,9 +112,11 @@ export function barCounts(places) {
   return counts;
 }
 
-function corner(draws) {
+function corner(draws, states) {
   const indices = draws.names.map((_, index) => index).slice(0, MOST_UNKNOWNS);
-  const columns = indices.map((index) => cornerColumn(draws, index)).filter((column) => column !== null);
+  const columns = indices
+    .map((index) => cornerColumn(draws, index, states))
+    .filter((column) => column !== null);
   const size = 2 * MARGIN + columns.length * (PANEL + GAP);
   const at = (place) => place * (PANEL + GAP);
   const panels = columns.flatMap((up, row) => [

@@ -5,7 +5,7 @@
 import { profileCurve } from "../plot/math.js";
 import { plot } from "../plot/plot.js";
 import { h } from "../shell/dom.js";
-import { words } from "../shell/format.js";
+import { labelOf } from "./unknowns.js";
 
 /**
  * Lists the estimates of a result that have a profile.
@@ -19,8 +19,9 @@ export function profiled(result) {
 }
 
 export function profilesPart(view, result) {
-  const charts = profiled(result).map(({ name, state, unit, profile }) => {
-    const label = words(name ?? state);
+  const charts = profiled(result).map((estimate) => {
+    const { unit, profile } = estimate;
+    const label = labelOf(estimate);
     const chart = plot({
       title: label,
       height: 220,

@@ -83,7 +83,7 @@ function counts(job, last, timeLeft) {
     ["Generation", job.progress || last ? `${count(at)}${limit}` : null],
     ["Evaluations", judged === undefined ? null : count(judged)],
     ["Best cost in the search", last && number(last.best_cost)],
-    ["Best credit", last && number(last.best_credit, 3)],
+    ["Best credit", Number.isFinite(last?.best_credit) ? number(last.best_credit, 3) : null],
     ["Time left", timeLeft.text(job)],
   ]);
 }

@@ -82,7 +82,7 @@ function pictures(view, residual, several) {
   );
 }
 
-export function startsPart(view, starts) {
+export function startsPart(view, starts, states) {
   const ended = starts.filter(({ cost }) => Number.isFinite(cost)).sort((a, b) => a.cost - b.cost);
   const waterfall = plot({
     title: "Cost where each start of the refinement ended",
@@ -108,6 +108,6 @@ export function startsPart(view, starts) {
       { class: "quiet" },
       "A step at the left that several starts share is a minimum that was found more than once; a single point below the others is one that may not be the lowest.",
     ),
-    startTable(starts),
+    startTable(starts, states),
   );
 }

@@ -13,10 +13,13 @@ import { budgetPart } from "./budget.js";
 import { correlationPart } from "./correlation.js";
 import { effectsPart } from "./effects.js";
 import { isAtRest, isFinished } from "./feed.js";
+import { influencePart } from "./influence.js";
+import { unknownsOf } from "./moves.js";
 import { posteriorPart } from "./posterior.js";
 import { profiled, profilesPart } from "./profiles.js";
 import { residualsPart, startsPart } from "./residuals.js";
 import { bestTable, fitTable, initialStateTable, parameterTable } from "./tables.js";
+import { statesOf } from "./unknowns.js";
 import { conclusions } from "./verdict.js";
 
 export function resultPanel(view) {
@@ -154,9 +157,11 @@ function analyses(result, { job, model, view }) {
   return [
     budget.length > 0 && analysed("Uncertainty budget", () => budgetPart(result), true),
     correlation?.names.length > 1 &&
-      analysed("Correlation of the errors", () => correlationPart(correlation), true),
+      analysed("Correlation of the errors", () => correlationPart(correlation, statesOf(result)), true),
     profiled(result).length > 0 &&
       analysed("Likelihood profiles", () => profilesPart(view, result), true, "across"),
+    unknownsOf(result).length > 0 &&
+      analysed("What each unknown moves", () => influencePart(view, job, result), false, "across"),
     Object.keys(result.residuals ?? {}).length > 0 &&
       analysed("Residuals", () => residualsPart(view, job, result, model), isWide, "across"),
     result.posterior && analysed("Draws from the posterior", () => posteriorPart(job, result)),
@@ -167,7 +172,8 @@ function analyses(result, { job, model, view }) {
 function searches(result, { view }) {
   const { starts = [] } = result;
   return [
-    starts.length > 1 && analysed("Starts of the refinement", () => startsPart(view, starts)),
+    starts.length > 1 &&
+      analysed("Starts of the refinement", () => startsPart(view, starts, statesOf(result))),
     analysed("The search in numbers", () => search(result)),
   ];
 }
@@ -268,7 +274,7 @@ function search(result) {
     ["Best found in generation", Number.isFinite(made.best_generation) ? count(made.best_generation) : null],
     ["Evaluations", `${count(made.evaluations)}, ${count(made.distinct_evaluations)} of them distinct`],
     ["Failed evaluations", failed.join(", ")],
-    ["Best credit", number(made.best_credit, 3)],
+    ["Best credit", Number.isFinite(made.best_credit) ? number(made.best_credit, 3) : null],
     ["Cost of the estimate", number(criteria.cost, 6)],
     ["AIC · AICc · BIC", criterion],
     ["FPE", number(criteria.fpe)],

@@ -1,9 +1,11 @@
 // @ts-check
 // This module makes the tables of a result: parameters and initial states, fit, residuals and starts.
 
+import { keyOf } from "../compare/differences.js";
 import { intervalBar } from "../compare/jobs.js";
 import { h, table } from "../shell/dom.js";
 import { count, number, percent, quantity, unitText, withError, words } from "../shell/format.js";
+import { unknownWords } from "./unknowns.js";
 
 const ESTIMATE_COLUMNS = [
   { title: "Parameter" },
@@ -57,10 +59,11 @@ export function bestTable(row, job, model) {
     // `offset[1]` is the offset of the second experiment alone.
     const [, name, experiment] = /^(.*?)(?:\[(\d+)\])?$/.exec(key);
     const about = described(model, "parameters", name);
+    const states = (model?.states ?? []).map((state) => state.name);
     const source = experiment === undefined ? job.spec : job.spec?.experiments?.[experiment];
     const { lower, upper, scale } = { ...about, ...source?.parameters?.[name]?.estimate };
     return [
-      nameCell(ofExperiment(name, experiment), about.symbol),
+      nameCell(unknownWords(key, states), about.symbol),
       number(value, 6),
       "–",
       unitText(about.unit ?? ""),
@@ -96,17 +99,16 @@ export function parameterTable(parameters, job, model, truths = null) {
 }
 
 function ofExperiment(name, experiment) {
-  return experiment === undefined || experiment === null
-    ? words(name)
-    : `${words(name)}, experiment ${Number(experiment) + 1}`;
+  return unknownWords(keyOf({ name, experiment }));
 }
 
 /** @param {import("page/api").Schemas["InitialStateEstimate"][]} states */
 export function initialStateTable(states) {
+  const several = states.some(({ experiment }) => experiment > 0);
   return table(
     "Estimated initial states",
-    ESTIMATE_COLUMNS,
-    states.map((state) => estimateRow(ofExperiment(state.state, state.experiment), state)),
+    [{ title: "State" }, ...ESTIMATE_COLUMNS.slice(1)],
+    states.map((state) => estimateRow(ofExperiment(state.state, several ? state.experiment : null), state)),
     { stacked: true },
   );
 }
@@ -229,16 +231,16 @@ export function residualTable(residuals, model) {
       count(Math.round(report.effective_samples ?? NaN)),
     ];
   });
-  return table("Residuals of the outputs", RESIDUAL_COLUMNS, rows);
+  return table("Residuals of the outputs", RESIDUAL_COLUMNS, rows, { stacked: true });
 }
 
-/** @param {import("page/api").Schemas["StartReport"][]} starts */
-export function startTable(starts) {
+/** @param {import("page/api").Schemas["StartReport"][]} starts @param {string[]} states */
+export function startTable(starts, states) {
   const names = Object.keys(starts[0].parameters);
   const columns = [
     { title: "Cost at the start", numeric: true },
     { title: "Cost at the end", numeric: true },
-    ...names.map((name) => ({ title: words(name), numeric: true })),
+    ...names.map((name) => ({ title: unknownWords(name, states), numeric: true })),
   ];
   const rows = starts.map((start) => [
     number(start.initial_cost, 6),

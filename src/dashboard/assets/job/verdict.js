@@ -4,13 +4,12 @@
 // The server ranks the reasons, the gravest first, says which of them belong to one family, and gives
 // each its next steps. Reasons of one family about the same parameters become a single conclusion.
 
+import { unknownWords } from "./unknowns.js";
+
 const MOST_STEPS = 3;
 
-const spaced = (name) =>
-  name.replace(/\[(\d+)\]$/, (_, k) => ` in experiment ${Number(k) + 1}`).replaceAll("_", " ");
-
 export function listed(names) {
-  const shown = names.map(spaced);
+  const shown = names.map((name) => unknownWords(name));
   return shown.length < 2 ? shown.join("") : `${shown.slice(0, -1).join(", ")} and ${shown.at(-1)}`;
 }
 

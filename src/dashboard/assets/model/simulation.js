@@ -11,34 +11,40 @@ import { words } from "../shell/format.js";
 
 const POINTS = 1500;
 
-// Writes the request that simulates an experiment with the given values of its unknowns.
-export function simulationOf(spec, k, values) {
-  const { dataset, signals, window, initial_state: states = {} } = spec.experiments[k];
+// Writes the request that simulates an experiment with the given values of its unknowns, and of the initial states
+// among them.
+export function simulationOf(spec, k, values, states = {}) {
+  const { dataset, signals, window, initial_state: starts = {} } = spec.experiments[k];
   const initialState = Object.fromEntries(
-    Object.entries(states).filter(([, state]) => !(typeof state === "object" && "estimate" in state)),
+    Object.entries(starts).filter(([, start]) => !(typeof start === "object" && "estimate" in start)),
   );
-  const entries = { ...spec.parameters, ...spec.experiments[k].parameters };
-  const fixed = Object.entries(entries)
-    .filter(([, entry]) => "value" in entry)
-    .map(([name, { value }]) => [name, { value }]);
+  const fixedOf = (entries = {}) =>
+    Object.entries(entries)
+      .filter(([, entry]) => "value" in entry)
+      .map(([name, { value }]) => [name, { value }]);
   const free = Object.entries(values).map(([name, value]) => [name, { value }]);
   return {
     model: spec.model,
     dataset,
     signals,
     ...(window ? { window } : {}),
-    parameters: Object.fromEntries([...fixed, ...free]),
-    initial_state: initialState,
+    // A value that is the experiment's own holds against the estimate that the other experiments share.
+    parameters: Object.fromEntries([
+      ...fixedOf(spec.parameters),
+      ...free,
+      ...fixedOf(spec.experiments[k].parameters),
+    ]),
+    initial_state: { ...initialState, ...states },
   };
 }
 
 // Gives the measured outputs beside the simulated outputs, at the instants of the measured samples.
-export async function comparedWith(spec, k, values, signal) {
+export async function comparedWith(spec, k, values, signal, states = {}) {
   const { dataset, signals = {}, window } = spec.experiments[k];
   const { data: simulated } = await send(
     "POST",
     `/v1/simulations${query({ max_points: POINTS })}`,
-    simulationOf(spec, k, values),
+    simulationOf(spec, k, values, states),
     { signal },
   );
   const outputs = Object.keys(simulated.outputs).filter(

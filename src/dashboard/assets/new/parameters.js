@@ -115,11 +115,22 @@ function parameterRow(job, row, several) {
     h(
       "td",
       {},
-      entries.length ? h("span", { class: "quiet" }, "an own one in each experiment") : fields(job, row, put),
+      entries.length < (job.spec.experiments ?? []).length && fields(job, row, put),
+      ownText(job.spec, entries),
     ),
     several && h("td", {}, ownFields(job, row, entries)),
     h("td", { class: "expected" }, expected(job, row)),
   );
+}
+
+// Says which experiments have a value or a range of their own, beside what the others share.
+function ownText({ experiments = [] }, entries) {
+  const numbers = entries.map(([k]) => k + 1).join(", ");
+  const text =
+    entries.length === experiments.length
+      ? "an own one in each experiment"
+      : `an own one in experiment${entries.length > 1 ? "s" : ""} ${numbers}`;
+  return entries.length > 0 && h("div", { class: "quiet" }, text);
 }
 
 function fields(job, row, put) {
@@ -237,21 +248,22 @@ function ownFields(job, row, entries) {
   const { experiments } = job.spec;
   const toggle = h("input", {
     type: "checkbox",
-    checked: entries.length > 0,
+    checked: entries.length === experiments.length,
     "aria-label": `${words(about.name)}: each experiment has its own`,
     onchange: (event) => {
       const entry = row.free ? { estimate: {} } : { value: row.value };
       let { spec } = job;
-      experiments.forEach((_, k) => {
+      experiments.forEach(({ parameters }, k) => {
         spec = changed(
           spec,
           ["experiments", k, "parameters", about.name],
-          event.target.checked ? entry : undefined,
+          event.target.checked ? (parameters?.[about.name] ?? entry) : undefined,
         );
       });
       job.set(event.target.checked ? changed(spec, ["parameters", about.name], undefined) : spec);
     },
   });
+  toggle.indeterminate = entries.length > 0 && entries.length < experiments.length;
   const values = entries
     .filter(([, entry]) => "value" in entry)
     .map(([k, entry]) =>
@@ -271,21 +283,24 @@ function ownFields(job, row, entries) {
 }
 
 function expected(job, { about, free }) {
-  const predictions = (job.predictions ?? []).filter(({ name }) => name === about.name);
+  const predictions = (job.predictions ?? []).filter(
+    ({ name }) => name === about.name || name.startsWith(`${about.name}[`),
+  );
   if (predictions.length === 0) {
     return free ? h("span", { class: "quiet" }, job.checking ? "…" : "–") : "";
   }
-  return predictions.map(({ standard_error: error, share_of_range: share }) =>
-    error === null
-      ? h("span", { class: "badge failed" }, "not fixed by the data")
+  return predictions.map(({ experiment, standard_error: error, share_of_range: share }) => {
+    const place = Number.isFinite(experiment) ? `experiment ${experiment + 1}: ` : "";
+    return error === null
+      ? h("div", {}, place, h("span", { class: "badge failed" }, "not fixed by the data"))
       : h(
-          "span",
+          "div",
           {
             title: share
               ? `${number(100 * share[0], 2)} to ${number(100 * share[1], 2)} % of the range`
               : null,
           },
-          `± ${number(error, 2)} ${about.unit === "1" ? "" : about.unit}`,
+          `${place}± ${number(error, 2)} ${about.unit === "1" ? "" : about.unit}`,
           share && share[1] > WEAK
             ? [
                 " ",
@@ -296,6 +311,6 @@ function expected(job, { about, free }) {
                 ),
               ]
             : "",
-        ),
-  );
+        );
+  });
 }

@@ -146,7 +146,10 @@ function outlook({ identifiability, findings, predicted_cost: cost, budget }) {
  * @param {import("page/api").Schemas["Prediction"][]} predictions
  */
 export function unknownsText(unknowns, predictions) {
-  const states = predictions.filter(({ experiment }) => Number.isFinite(experiment)).length;
+  // A parameter that is an experiment's own has the experiment in its name.
+  const states = predictions.filter(
+    ({ name, experiment }) => Number.isFinite(experiment) && !name.endsWith("]"),
+  ).length;
   return states > 0 ? `${count(unknowns)}, of them initial states ${count(states)}` : count(unknowns);
 }
 
