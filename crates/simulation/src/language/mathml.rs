@@ -22,7 +22,8 @@ const ATOM: u8 = 20;
 /// An equation that is typeset.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct TypesetEquation<'t> {
-    /// The contents of a `math` element; a line may be broken between two of them.
+    /// The contents of `math` elements between which a line may be broken; none where the equation is too wide for a
+    /// page.
     pub pieces: Vec<String>,
     /// The equation as text, for readers who do not see it.
     pub text: &'t str,
@@ -31,31 +32,31 @@ pub struct TypesetEquation<'t> {
 }
 
 /// Typesets a line `name = expression` or `name' = expression`, with words behind it or not. Answers nothing where
-/// the line is no equation of the language or too wide for a page.
+/// the line is no equation of the language.
 #[must_use]
 pub fn equation(line: &str) -> Option<TypesetEquation<'_>> {
     let (left, right) = line.split_once(" = ")?;
     let (tree, length) = leading(right)?;
     let words = &right[length..];
     let text = &line[..line.len() - words.len()];
-    let name = left.trim_end_matches('\'');
-    let Syntax::Name(name) = parse(name).ok()?.kind else {
+    let bare = left.trim_end_matches('\'');
+    let Syntax::Name(name) = parse(bare).ok()?.kind else {
         return None;
     };
-    let primes = left.len() - name.len();
+    let primes = left.len() - bare.len();
     let mut pieces = terms(&tree);
     let left = derivative(&name, primes);
     let first = format!("{}<mo>=</mo>{}", left.mathml, pieces[0].mathml);
     pieces[0].width += left.width + 2.0;
     pieces[0].mathml = first;
-    if pieces.iter().any(|piece| piece.width > WIDEST) {
-        return None;
-    }
-    let whole: f64 = pieces.iter().map(|piece| piece.width).sum();
-    let pieces: Vec<String> = pieces.into_iter().map(|piece| piece.mathml).collect();
-    let pieces = match whole > WIDEST {
-        true => pieces,
-        false => vec![pieces.concat()],
+    let widths = pieces.iter().map(|piece| piece.width);
+    let is_too_wide = widths.clone().any(|width| width > WIDEST);
+    let fits_a_line = widths.sum::<f64>() <= WIDEST;
+    let pieces = pieces.into_iter().map(|piece| piece.mathml);
+    let pieces = match (is_too_wide, fits_a_line) {
+        (true, _) => Vec::new(),
+        (false, true) => vec![pieces.collect()],
+        (false, false) => pieces.collect(),
     };
     Some(TypesetEquation {
         pieces,
