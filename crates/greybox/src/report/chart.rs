@@ -195,7 +195,7 @@ impl Chart<'_> {
                 page,
                 format_args!("<path class=\"limit\" d=\"M{from:.1} {at:.1}H{to:.1}\"/>"),
             );
-            text(page, ("end", to, at, "-.3em"), words);
+            text(page, ("middle", 0.5 * (from + to), at, "-.3em"), words);
         }
         for (value, words) in &self.marks {
             let (at, bottom) = (x.place(*value), HEIGHT - BOTTOM);
@@ -243,7 +243,7 @@ impl Chart<'_> {
             page,
             format_args!("<path class=\"axis\" d=\"M{LEFT} {TOP}V{bottom:.1}H{right:.1}\"/>\n"),
         );
-        for (tick, digits) in x.ticks((right - LEFT) / 75.0) {
+        for (tick, digits) in x.ticks(((right - LEFT) / 150.0).max(4.0)) {
             text(page, ("middle", x.place(tick), bottom, "1.2em"), &digits);
         }
         for (tick, digits) in y.ticks(5.0) {
@@ -352,7 +352,7 @@ mod tests {
             to: 1.0,
         };
         let ticks: Vec<String> = axis
-            .ticks(3.0)
+            .ticks(4.0)
             .into_iter()
             .map(|(_, digits)| digits)
             .collect();

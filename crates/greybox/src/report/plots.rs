@@ -375,17 +375,20 @@ fn both<'a>(
     }
 }
 
-/// Draws a chart with words below it; nothing where there is nothing to draw.
-pub fn figure(page: &mut String, chart: &Chart<'_>, caption: &str) {
+/// Draws a chart with words below it, where there are any; nothing where there is nothing to draw.
+pub fn figure(page: &mut String, chart: &Chart<'_>, words: &str) {
     let mut drawn = String::new();
     chart.draw(&mut drawn);
-    if !drawn.is_empty() {
-        push(
-            page,
-            format_args!(
-                "<figure class=\"{}\">\n{drawn}<figcaption>{caption}</figcaption>\n</figure>\n",
-                chart.size.class()
-            ),
-        );
+    if drawn.is_empty() {
+        return;
     }
+    let class = chart.size.class();
+    let caption = match words {
+        "" => String::new(),
+        words => format!("<figcaption>{words}</figcaption>\n"),
+    };
+    push(
+        page,
+        format_args!("<figure class=\"{class}\">\n{drawn}{caption}</figure>\n"),
+    );
 }

@@ -2,7 +2,7 @@
 //! estimates are fitted again.
 
 use super::chart::{Chart, ChartSize, Series, SeriesLook};
-use super::html::{escape, labelled, push, to_spread, unit_cell};
+use super::html::{labelled, push, to_spread, unit_cell};
 use super::plots::figure;
 use super::tables::{label, state_label};
 use crate::identification::outcome::{Estimate, Outcome, ProfilePoint};
@@ -98,7 +98,7 @@ pub fn section(page: &mut String, outcome: &Outcome) {
             levels: vec![(1.0, &level)],
             ..Chart::default()
         };
-        figure(page, &chart, &escape(&profiled.label));
+        figure(page, &chart, "");
     }
     page.push_str("</div>\n</section>\n");
 }
@@ -112,8 +112,9 @@ pub fn markdown(text: &mut String, outcome: &Outcome) {
     push(
         text,
         format_args!(
-            "\n## Likelihood profiles\n\n{WORDS}\n\n| estimate | unit | held at (rise, 1 = end of the interval) | \
-             interval |\n|---|---|---|---|\n"
+            "\n## Likelihood profiles\n\n{}\n\n| estimate | unit | held at (rise, 1 = end of the interval) | \
+             interval |\n|---|---|---|---|\n",
+            WORDS.replace(" (dots)", "")
         ),
     );
     for profiled in profiled {

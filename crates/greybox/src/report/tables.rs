@@ -46,7 +46,7 @@ fn row(page: &mut String, name: &str, unit: &str, estimate: &Estimate) {
             "{} … {}<br><span class=\"muted\">{}</span>",
             end(interval.lower, error),
             end(interval.upper, error),
-            escape(&interval.method)
+            escape(&interval.method.replace('_', " "))
         ),
         None => escape(
             estimate
