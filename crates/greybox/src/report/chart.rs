@@ -195,7 +195,7 @@ impl Chart<'_> {
                 page,
                 format_args!("<path class=\"limit\" d=\"M{from:.1} {at:.1}H{to:.1}\"/>"),
             );
-            text(page, ("middle", 0.5 * (from + to), at, "-.3em"), words);
+            text(page, "middle", [0.5 * (from + to), at], "-.3em", words);
         }
         for (value, words) in &self.marks {
             let (at, bottom) = (x.place(*value), HEIGHT - BOTTOM);
@@ -203,7 +203,7 @@ impl Chart<'_> {
                 page,
                 format_args!("<path class=\"limit\" d=\"M{at:.1} {TOP}V{bottom:.1}\"/>"),
             );
-            text(page, ("start", at + 4.0, bottom, "-.4em"), words);
+            text(page, "start", [at + 4.0, bottom], "-.4em", words);
         }
     }
 
@@ -244,7 +244,7 @@ impl Chart<'_> {
             format_args!("<path class=\"axis\" d=\"M{LEFT} {TOP}V{bottom:.1}H{right:.1}\"/>\n"),
         );
         for (tick, digits) in x.ticks(((right - LEFT) / 150.0).max(4.0)) {
-            text(page, ("middle", x.place(tick), bottom, "1.2em"), &digits);
+            text(page, "middle", [x.place(tick), bottom], "1.2em", &digits);
         }
         for (tick, digits) in y.ticks(5.0) {
             let at = y.place(tick);
@@ -252,10 +252,10 @@ impl Chart<'_> {
                 page,
                 format_args!("<path class=\"axis\" d=\"M{LEFT} {at:.1}h-4\"/>"),
             );
-            text(page, ("end", LEFT - 7.0, at, ".35em"), &digits);
+            text(page, "end", [LEFT - 7.0, at], ".35em", &digits);
         }
-        text(page, ("start", LEFT, 0.0, "1em"), self.y_label);
-        text(page, ("end", right, HEIGHT, "-.3em"), self.x_label);
+        text(page, "start", [LEFT, 0.0], "1em", self.y_label);
+        text(page, "end", [right, HEIGHT], "-.3em", self.x_label);
     }
 
     fn draw_legend(&self, page: &mut String) {
@@ -271,13 +271,13 @@ impl Chart<'_> {
                     series.colour
                 ),
             );
-            text(page, ("start", at + 21.0, 0.0, "1em"), series.name);
+            text(page, "start", [at + 21.0, 0.0], "1em", series.name);
         }
     }
 }
 
-/// Words of a chart at a place, `(anchor, x, y, dy)`; nothing where there are none.
-fn text(page: &mut String, (anchor, x, y, dy): (&str, f64, f64, &str), words: &str) {
+/// Words of a chart at a place, moved down by `dy`; nothing where there are none.
+fn text(page: &mut String, anchor: &str, [x, y]: [f64; 2], dy: &str, words: &str) {
     if !words.is_empty() {
         push(
             page,

@@ -18,14 +18,14 @@ const FEWEST: usize = 20;
 
 /// The stretch of an output in which it moves most.
 #[derive(Debug, PartialEq, Eq)]
-pub struct Stretch {
+pub struct DenseStretch {
     /// The samples of the stretch.
     pub samples: Range<usize>,
     /// The samples of the recording.
     of: usize,
 }
 
-impl Stretch {
+impl DenseStretch {
     /// The instants at which the stretch begins and ends `[s]`.
     pub fn ends(&self, times: &[f64]) -> [f64; 2] {
         [times[self.samples.start], times[self.samples.end - 1]]
@@ -44,7 +44,10 @@ impl Stretch {
 
 /// The stretch in which a simulated output moves most where it was measured; none where the line of the whole
 /// recording is no band.
-pub fn busiest(experiment: &ExperimentTrajectory, output: &OutputTrajectory) -> Option<Stretch> {
+pub fn busiest(
+    experiment: &ExperimentTrajectory,
+    output: &OutputTrajectory,
+) -> Option<DenseStretch> {
     let of = experiment.time.len();
     if of <= POINTS {
         return None;
@@ -57,7 +60,7 @@ pub fn busiest(experiment: &ExperimentTrajectory, output: &OutputTrajectory) -> 
     loop {
         let samples = path.longest(length);
         if path.swings(samples.clone()) <= MOST_SWINGS || length < 2 * FEWEST {
-            return Some(Stretch { samples, of });
+            return Some(DenseStretch { samples, of });
         }
         length /= 2;
     }
@@ -119,7 +122,7 @@ impl Path<'_> {
 mod tests {
     use super::*;
 
-    fn busiest_of(samples: usize, output: impl Fn(f64) -> f64) -> Option<(Stretch, Vec<f64>)> {
+    fn busiest_of(samples: usize, output: impl Fn(f64) -> f64) -> Option<(DenseStretch, Vec<f64>)> {
         let time: Vec<f64> = (0..samples).map(|k| 0.01 * k as f64).collect();
         let simulated: Vec<f64> = time.iter().map(|time| output(*time)).collect();
         let mut measured = simulated.clone();

@@ -3,7 +3,7 @@
 use super::chart::{Chart, ChartSize, Series, SeriesLook};
 use super::facts::{GenerationCosts, Report};
 use super::html::{escape, labelled, push};
-use super::inset::{self, Stretch};
+use super::inset::{self, DenseStretch};
 use super::residuals::{self, Diagnostics};
 use crate::estimation::StopReason;
 use crate::identification::assemble::{
@@ -49,7 +49,7 @@ pub fn experiments(page: &mut String, report: &Report<'_>) {
                     escape(&output.name)
                 ),
             );
-            output_charts(page, experiment, output, (noise, diagnostics));
+            output_charts(page, experiment, output, noise, diagnostics);
             page.push_str("</div>\n");
         }
         page.push_str("</section>\n");
@@ -61,18 +61,19 @@ fn output_charts(
     page: &mut String,
     experiment: &ExperimentTrajectory,
     output: &OutputTrajectory,
-    (noise, diagnostics): (Option<&ResidualReport>, Option<&Diagnostics>),
+    noise: Option<&ResidualReport>,
+    diagnostics: Option<&Diagnostics>,
 ) {
     let stretch = inset::busiest(experiment, output);
     let (wide, small) = match stretch {
         Some(_) => (ChartSize::TwoThirds, ChartSize::Half),
         None => (ChartSize::Whole, ChartSize::Third),
     };
-    followed(page, experiment, output, (wide, stretch.as_ref()));
+    followed(page, experiment, output, wide, stretch.as_ref());
     if let Some(stretch) = stretch {
         moving(page, experiment, output, &stretch);
     }
-    left_over(page, experiment, output, (wide, noise));
+    left_over(page, experiment, output, wide, noise);
     if let Some(diagnostics) = diagnostics {
         spread(page, diagnostics);
         memory(page, diagnostics, small);
@@ -131,7 +132,8 @@ fn followed(
     page: &mut String,
     experiment: &ExperimentTrajectory,
     output: &OutputTrajectory,
-    (size, stretch): (ChartSize, Option<&Stretch>),
+    size: ChartSize,
+    stretch: Option<&DenseStretch>,
 ) {
     let whole = 0..experiment.time.len();
     let shaded = stretch.map(|stretch| stretch.ends(&experiment.time));
@@ -157,7 +159,7 @@ fn moving(
     page: &mut String,
     experiment: &ExperimentTrajectory,
     output: &OutputTrajectory,
-    stretch: &Stretch,
+    stretch: &DenseStretch,
 ) {
     let label = labelled(&output.name, &output.unit);
     let chart = Chart {
@@ -173,7 +175,8 @@ fn left_over(
     page: &mut String,
     experiment: &ExperimentTrajectory,
     output: &OutputTrajectory,
-    (size, noise): (ChartSize, Option<&ResidualReport>),
+    size: ChartSize,
+    noise: Option<&ResidualReport>,
 ) {
     let kept = kept_indices(&[&output.residual], 0..experiment.time.len(), POINTS);
     let label = labelled("measured − simulated", &output.unit);

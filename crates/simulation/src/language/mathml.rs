@@ -302,7 +302,7 @@ fn sign(operator: Operator, attributes: &str) -> String {
         Operator::GreaterOrEqual => "≥",
         Operator::Less => "&lt;",
         Operator::Greater => "&gt;",
-        other => other.symbol(),
+        operator => operator.symbol(),
     };
     format!("<mo{attributes}>{symbol}</mo>")
 }
