@@ -145,15 +145,14 @@ fn chart(
             .iter()
             .map(|row| (f64::from(row.generation), value(row)))
             .collect(),
+        ..Series::default()
     };
     // The line without elitism moves more and is drawn first.
     Chart {
         x_label: "generation",
         y_label,
         series: searches.iter().rev().zip(COLOURS).map(series).collect(),
-        levels: Vec::new(),
-        marks: Vec::new(),
-        bars: false,
+        ..Chart::default()
     }
 }
 

@@ -21,6 +21,8 @@ pub mod single;
 mod steps;
 mod stiff;
 
+pub use language::mathml;
+
 use greybox_numerics::lanes::{LANES, Lanes};
 use serde::{Deserialize, Serialize};
 use std::sync::Arc;

@@ -35,6 +35,14 @@ pub fn with_code(words: &str) -> String {
     html
 }
 
+/// What a number is, with its unit in brackets; quantities of models that opted out of units have none.
+pub fn labelled(name: &str, unit: &str) -> String {
+    match unit {
+        "" => name.to_owned(),
+        unit => format!("{name} [{unit}]"),
+    }
+}
+
 /// Writes to a page.
 pub fn push(page: &mut String, words: std::fmt::Arguments<'_>) {
     page.write_fmt(words)
@@ -46,6 +54,24 @@ pub fn number(value: f64) -> String {
     significant(value, 5)
 }
 
+/// A number to five digits, or to as many more as a spread far smaller than the number needs.
+pub fn to_spread(value: f64, spread: Option<f64>) -> String {
+    let decades = spread.map_or(0.0, |spread| (value / spread).abs().log10().floor());
+    let digits = match decades.is_finite() {
+        true => (decades + 3.0).clamp(5.0, 15.0) as usize,
+        false => 5,
+    };
+    significant(value, digits)
+}
+
+/// The unit in a cell of a table.
+pub fn unit_cell(unit: &str) -> &str {
+    match unit {
+        "" => "–",
+        unit => unit,
+    }
+}
+
 /// A number that may be absent.
 pub fn optional(value: Option<f64>) -> String {
     value.map_or_else(|| "–".to_owned(), number)
@@ -54,6 +80,15 @@ pub fn optional(value: Option<f64>) -> String {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn a_number_has_the_digits_that_its_spread_needs() {
+        assert_eq!(to_spread(3000.023, Some(0.035)), "3000.023");
+        assert_eq!(to_spread(57.962_18, Some(0.3)), "57.962");
+        assert_eq!(to_spread(57.962_18, None), "57.962");
+        assert_eq!(to_spread(0.0, Some(0.3)), "0");
+        assert_eq!(to_spread(1.5, Some(0.0)), "1.5000");
+    }
 
     #[test]
     fn a_name_cannot_become_markup() {

@@ -1,6 +1,7 @@
 //! A result as Markdown: for wikis, merge requests and files that are compared line by line.
 
-use super::html::push;
+use super::html::{push, to_spread, unit_cell};
+use super::tables::{end, output_unit};
 use super::{Report, verdict_words};
 use crate::identification::outcome::{Estimate, Outcome, Trust};
 use greybox_numerics::digits::significant;
@@ -20,12 +21,7 @@ pub fn render(report: &Report<'_>) -> String {
     for reason in &outcome.verdict.reasons {
         push(
             &mut text,
-            format_args!(
-                "- **{}:** {} (`{}`)\n",
-                reason.code.entry().title,
-                reason.detail,
-                reason.code
-            ),
+            format_args!("- **{}:** {}\n", reason.code.entry().title, reason.detail),
         );
         for step in &reason.next {
             push(
@@ -35,10 +31,12 @@ pub fn render(report: &Report<'_>) -> String {
         }
     }
     estimates(&mut text, outcome);
+    super::profiles::markdown(&mut text, outcome);
     super::process_noise::markdown(&mut text, outcome);
     super::posterior::markdown(&mut text, outcome);
-    fit(&mut text, outcome);
+    fit(&mut text, report);
     budget(&mut text, outcome);
+    fixed(&mut text, report);
     text.push_str("\n## Model\n\n```text\n");
     for equation in &report.model.equations {
         push(&mut text, format_args!("{equation}\n"));
@@ -83,23 +81,23 @@ fn estimates(text: &mut String, outcome: &Outcome) {
         let error = |value: Option<f64>| {
             value.map_or_else(|| "–".to_owned(), |error| significant(error, 2))
         };
-        let end = |value: Option<f64>| {
-            value.map_or_else(|| "open".to_owned(), |value| significant(value, 5))
-        };
         let interval = estimate.total_interval.map_or_else(
             || "–".to_owned(),
-            |total| format!("{} … {}", end(total.lower), end(total.upper)),
+            |total| {
+                let error = estimate.total_standard_error;
+                format!("{} … {}", end(total.lower, error), end(total.upper, error))
+            },
         );
         push(
             text,
             format_args!(
                 "| {} | {} | {} | {} | {interval} | {} | {} |\n",
                 cell(name),
-                significant(estimate.estimate, 5),
+                to_spread(estimate.estimate, estimate.standard_error),
                 error(estimate.standard_error),
                 error(estimate.total_standard_error),
                 estimate.trust.map_or("–", Trust::name),
-                cell(unit)
+                cell(unit_cell(unit))
             ),
         );
     };
@@ -119,9 +117,10 @@ fn estimates(text: &mut String, outcome: &Outcome) {
     }
 }
 
-fn fit(text: &mut String, outcome: &Outcome) {
+fn fit(text: &mut String, report: &Report<'_>) {
+    let outcome = report.outcome;
     text.push_str(
-        "\n## Fit\n\n| output | data | fit [%] | RMSE | samples |\n|---|---|---:|---:|---:|\n",
+        "\n## Fit\n\n| output | data | fit [%] | RMSE | unit | samples |\n|---|---|---:|---:|---|---:|\n",
     );
     let parts = [
         ("estimated from", &outcome.fit.estimation),
@@ -134,10 +133,11 @@ fn fit(text: &mut String, outcome: &Outcome) {
             push(
                 text,
                 format_args!(
-                    "| {} | {data} | {} | {} | {} |\n",
+                    "| {} | {data} | {} | {} | {} | {} |\n",
                     cell(output),
                     number(fit.fit_percent),
                     number(fit.rmse),
+                    cell(unit_cell(output_unit(report, output))),
                     fit.samples
                 ),
             );
@@ -158,7 +158,7 @@ fn budget(text: &mut String, outcome: &Outcome) {
                 cell(&line.assumption),
                 significant(line.value, 5),
                 significant(line.tolerance, 3),
-                cell(&line.unit),
+                cell(unit_cell(&line.unit)),
                 line.score
                     .map_or_else(|| "–".to_owned(), |score| significant(score, 3))
             ),
@@ -166,8 +166,23 @@ fn budget(text: &mut String, outcome: &Outcome) {
     }
 }
 
+/// The parameters that were not estimated; nothing where all were.
+fn fixed(text: &mut String, report: &Report<'_>) {
+    let rows = super::setup::fixed_rows(report);
+    if rows.is_empty() {
+        return;
+    }
+    text.push_str(
+        "\n## Taken as fixed\n\n| parameter | value | ± (one standard deviation) | unit |\n|---|---:|---:|---|\n",
+    );
+    for row in rows {
+        let cells = row.map(|text| cell(&text));
+        push(text, format_args!("| {} |\n", cells.join(" | ")));
+    }
+}
+
 /// Text in the cell of a table.
-fn cell(text: &str) -> String {
+pub fn cell(text: &str) -> String {
     line(text).replace('|', "\\|")
 }
 

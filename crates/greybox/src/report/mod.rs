@@ -8,11 +8,13 @@
 pub mod chart;
 mod facts;
 mod html;
+mod inset;
 mod left_out;
 pub mod markdown;
 mod plots;
 mod posterior;
 mod process_noise;
+mod profiles;
 pub mod residuals;
 mod setup;
 mod tables;
@@ -82,7 +84,8 @@ pub fn render(report: &Report<'_>) -> String {
     note(&mut page, report.spec);
     page.push_str("</header>\n<main>\n");
     verdict(&mut page, report.outcome);
-    tables::estimates(&mut page, report.outcome);
+    tables::estimates(&mut page, report);
+    profiles::section(&mut page, report.outcome);
     tables::budget(&mut page, report.outcome);
     tables::fit(&mut page, report);
     process_noise::section(&mut page, report);
@@ -148,10 +151,9 @@ fn verdict(page: &mut String, outcome: &Outcome) {
             push(
                 page,
                 format_args!(
-                    "<li><strong>{}:</strong> {} <code>{}</code>",
+                    "<li><strong>{}:</strong> {}",
                     reason.code.entry().title,
-                    html::with_code(&reason.detail),
-                    reason.code
+                    html::with_code(&reason.detail)
                 ),
             );
             next_steps(page, &reason.next);
@@ -251,3 +253,6 @@ fn origin(page: &mut String, report: &Report<'_>) {
         ),
     );
 }
+
+#[cfg(test)]
+pub mod tests;

@@ -1,17 +1,20 @@
 //! The plots of a report.
 
-use super::chart::{Chart, Series};
+use super::chart::{Chart, ChartSize, Series, SeriesLook};
 use super::facts::{GenerationCosts, Report};
-use super::html::{escape, push};
+use super::html::{escape, labelled, push};
+use super::inset::{self, DenseStretch};
 use super::residuals::{self, Diagnostics};
+use crate::estimation::StopReason;
 use crate::identification::assemble::{
     DisturbancePath, ExperimentDisturbances, ExperimentTrajectory, OutputTrajectory,
 };
 use crate::identification::outcome::ResidualReport;
 use greybox_recording::kept_indices;
+use std::ops::Range;
 
 /// Points of a line at the most; the extremes of each stretch are kept.
-const POINTS: usize = 1500;
+pub const POINTS: usize = 1500;
 
 /// Half the width of a 95 % interval, in standard deviations.
 const NORMAL_95: f64 = 1.959_964;
@@ -36,18 +39,45 @@ pub fn experiments(page: &mut String, report: &Report<'_>) {
             ),
         );
         for output in &experiment.outputs {
-            let residuals = report.outcome.residuals.get(&output.name);
-            push(page, format_args!("<h3>{}</h3>\n", escape(&output.name)));
-            followed(page, experiment, output);
-            left_over(page, experiment, output, residuals);
             let of = |all: &&Diagnostics| all.experiment == number && all.output == output.name;
-            if let Some(diagnostics) = diagnostics.iter().find(of) {
-                memory(page, diagnostics);
-                spread(page, diagnostics);
-                frequencies(page, diagnostics);
-            }
+            let diagnostics = diagnostics.iter().find(of);
+            let noise = report.outcome.residuals.get(&output.name);
+            push(
+                page,
+                format_args!(
+                    "<h3>{}</h3>\n<div class=\"charts\">\n",
+                    escape(&output.name)
+                ),
+            );
+            output_charts(page, experiment, output, noise, diagnostics);
+            page.push_str("</div>\n");
         }
         page.push_str("</section>\n");
+    }
+}
+
+/// The charts of an output, with the stretch in which it moves most beside a line that is a band.
+fn output_charts(
+    page: &mut String,
+    experiment: &ExperimentTrajectory,
+    output: &OutputTrajectory,
+    noise: Option<&ResidualReport>,
+    diagnostics: Option<&Diagnostics>,
+) {
+    let stretch = inset::busiest(experiment, output);
+    let (wide, small) = match stretch {
+        Some(_) => (ChartSize::TwoThirds, ChartSize::Half),
+        None => (ChartSize::Whole, ChartSize::Third),
+    };
+    followed(page, experiment, output, wide, stretch.as_ref());
+    if let Some(stretch) = stretch {
+        moving(page, experiment, output, &stretch);
+    }
+    left_over(page, experiment, output, wide, noise);
+    if let Some(diagnostics) = diagnostics {
+        spread(page, diagnostics);
+        memory(page, diagnostics, small);
+        frequencies(page, diagnostics, small);
     }
 }
 
@@ -81,8 +111,9 @@ pub fn disturbance(
             .iter()
             .map(|&k| (experiment.time[k], values[k]))
             .collect(),
+        ..Series::default()
     });
-    let label = format!("{label} [{}]", disturbance.unit);
+    let label = labelled(label, &disturbance.unit);
     let chart = Chart {
         x_label: "time [s]",
         y_label: &label,
@@ -97,38 +128,46 @@ pub fn disturbance(
 }
 
 /// Measured and simulated over time.
-fn followed(page: &mut String, experiment: &ExperimentTrajectory, output: &OutputTrajectory) {
-    let columns = [&output.measured[..], &output.simulated];
-    let kept = kept_indices(&columns, 0..experiment.time.len(), POINTS);
-    let points = |values: &[f64]| {
-        kept.iter()
-            .map(|&k| (experiment.time[k], values[k]))
-            .collect()
-    };
-    let label = format!("{} [{}]", output.name, output.unit);
+fn followed(
+    page: &mut String,
+    experiment: &ExperimentTrajectory,
+    output: &OutputTrajectory,
+    size: ChartSize,
+    stretch: Option<&DenseStretch>,
+) {
+    let whole = 0..experiment.time.len();
+    let shaded = stretch.map(|stretch| stretch.ends(&experiment.time));
+    let label = labelled(&output.name, &output.unit);
     let chart = Chart {
-        x_label: "time [s]",
+        size,
         y_label: &label,
-        series: vec![
-            Series {
-                name: "measured",
-                colour: MEASURED,
-                points: points(&output.measured),
-            },
-            Series {
-                name: "simulated",
-                colour: SIMULATED,
-                points: points(&output.simulated),
-            },
-        ],
         marks: held_back(experiment),
-        ..Chart::default()
+        shaded,
+        ..both(experiment, output, whole, ["measured", "simulated"])
     };
-    figure(
-        page,
-        &chart,
-        "Measured and simulated, free run from the first sample.",
-    );
+    let words = match shaded {
+        Some(_) => {
+            "Measured and simulated, free run from the first sample; shaded: the stretch beside."
+        }
+        None => "Measured and simulated, free run from the first sample.",
+    };
+    figure(page, &chart, words);
+}
+
+/// A stretch that is short enough to see how the output moves.
+fn moving(
+    page: &mut String,
+    experiment: &ExperimentTrajectory,
+    output: &OutputTrajectory,
+    stretch: &DenseStretch,
+) {
+    let label = labelled(&output.name, &output.unit);
+    let chart = Chart {
+        size: ChartSize::Third,
+        y_label: &label,
+        ..both(experiment, output, stretch.samples.clone(), ["", ""])
+    };
+    figure(page, &chart, &stretch.words(&experiment.time));
 }
 
 /// The residuals over time, between twice the noise.
@@ -136,23 +175,26 @@ fn left_over(
     page: &mut String,
     experiment: &ExperimentTrajectory,
     output: &OutputTrajectory,
-    residuals: Option<&ResidualReport>,
+    size: ChartSize,
+    noise: Option<&ResidualReport>,
 ) {
     let kept = kept_indices(&[&output.residual], 0..experiment.time.len(), POINTS);
-    let label = format!("measured − simulated [{}]", output.unit);
-    let noise = residuals.map(|report| report.noise_std);
+    let label = labelled("measured − simulated", &output.unit);
+    let noise = noise.map(|report| 2.0 * report.noise_std);
     let chart = Chart {
+        size,
         x_label: "time [s]",
         y_label: &label,
         series: vec![Series {
-            name: "residual",
+            name: "",
             colour: PLAIN,
             points: kept
                 .iter()
                 .map(|&k| (experiment.time[k], output.residual[k]))
                 .collect(),
+            ..Series::default()
         }],
-        levels: noise.map_or_else(Vec::new, |noise| vec![-2.0 * noise, 2.0 * noise]),
+        levels: noise.map_or_else(Vec::new, |noise| vec![(-noise, ""), (noise, "")]),
         marks: held_back(experiment),
         ..Chart::default()
     };
@@ -160,24 +202,26 @@ fn left_over(
 }
 
 /// The autocorrelation of the residuals in the part that was estimated from.
-fn memory(page: &mut String, diagnostics: &Diagnostics) {
+fn memory(page: &mut String, diagnostics: &Diagnostics, size: ChartSize) {
     let lags = diagnostics.autocorrelation.iter().zip(1..);
+    let within = diagnostics.white_within;
     let chart = Chart {
+        size,
         x_label: "lag [samples]",
-        y_label: "autocorrelation of the residuals",
+        y_label: "autocorrelation [1]",
         series: vec![Series {
-            name: "autocorrelation",
+            name: "",
             colour: PLAIN,
+            look: SeriesLook::Bars,
             points: lags.map(|(value, lag)| (f64::from(lag), *value)).collect(),
         }],
-        levels: vec![-diagnostics.white_within, diagnostics.white_within],
-        bars: true,
+        levels: vec![(-within, ""), (within, "")],
         ..Chart::default()
     };
     figure(
         page,
         &chart,
-        "White residuals stay between the dashed lines in 99 of 100 lags.",
+        "The autocorrelation of the residuals: white ones stay between the dashed lines in 99 of 100 lags.",
     );
 }
 
@@ -185,13 +229,15 @@ fn memory(page: &mut String, diagnostics: &Diagnostics) {
 fn spread(page: &mut String, diagnostics: &Diagnostics) {
     let histogram = &diagnostics.histogram;
     let bars = histogram.counts.iter().zip(0_u32..);
-    let label = format!("measured − simulated [{}]", diagnostics.unit);
+    let label = labelled("measured − simulated", &diagnostics.unit);
     let chart = Chart {
+        size: ChartSize::Third,
         x_label: &label,
-        y_label: "residuals",
+        y_label: "number of residuals",
         series: vec![Series {
-            name: "residuals",
+            name: "",
             colour: PLAIN,
+            look: SeriesLook::Bars,
             points: bars
                 .map(|(count, bar)| {
                     let middle = histogram.from + (f64::from(bar) + 0.5) * histogram.width;
@@ -199,26 +245,31 @@ fn spread(page: &mut String, diagnostics: &Diagnostics) {
                 })
                 .collect(),
         }],
-        bars: true,
         ..Chart::default()
     };
     figure(page, &chart, "How the residuals are spread.");
 }
 
 /// At which frequencies the residuals are large.
-fn frequencies(page: &mut String, diagnostics: &Diagnostics) {
+fn frequencies(page: &mut String, diagnostics: &Diagnostics, size: ChartSize) {
     let lines = diagnostics
         .spectrum
         .iter()
         .filter(|[_, power]| *power > 0.0);
-    let label = format!("log10 of the power density [{}²/Hz]", diagnostics.unit);
+    let label = match diagnostics.unit.as_str() {
+        "" => "log10 of the power density [1/Hz]".to_owned(),
+        unit if unit.contains(['/', '*']) => format!("log10 of the power density [({unit})²/Hz]"),
+        unit => format!("log10 of the power density [{unit}²/Hz]"),
+    };
     let chart = Chart {
+        size,
         x_label: "frequency [Hz]",
         y_label: &label,
         series: vec![Series {
-            name: "power",
+            name: "",
             colour: PLAIN,
             points: lines.map(|[hz, power]| (*hz, power.log10())).collect(),
+            ..Series::default()
         }],
         ..Chart::default()
     };
@@ -237,12 +288,12 @@ pub fn search(page: &mut String, report: &Report<'_>) {
         page,
         format_args!(
             "<section>\n<h2>How it was found</h2>\n<p>{} generations, {} candidates judged, {} of \
-             them simulated; ended by <code>{}</code>. Each of the search's: \
+             them simulated; {}. Each of the search's: \
              <code>/v1/jobs/{}/candidates</code>, as JSON or CSV.</p>\n",
             outcome.search.generations,
             outcome.search.evaluations,
             outcome.search.distinct_evaluations,
-            outcome.stop_reason.name(),
+            ended(outcome.stop_reason),
             escape(&outcome.job)
         ),
     );
@@ -256,17 +307,19 @@ pub fn search(page: &mut String, report: &Report<'_>) {
     };
     let chart = Chart {
         x_label: "generation",
-        y_label: "log10 of the cost",
+        y_label: "log10 of the cost [1]",
         series: vec![
             Series {
                 name: "mean",
                 colour: MEASURED,
                 points: points(|row| row.mean),
+                ..Series::default()
             },
             Series {
                 name: "best",
                 colour: SIMULATED,
                 points: points(|row| row.best),
+                ..Series::default()
             },
         ],
         ..Chart::default()
@@ -279,18 +332,66 @@ pub fn search(page: &mut String, report: &Report<'_>) {
     page.push_str("</section>\n");
 }
 
+/// Why a search ended.
+fn ended(reason: StopReason) -> &'static str {
+    match reason {
+        StopReason::GenerationLimit => "it ended with the last generation that the job allows",
+        StopReason::CostTarget => "it ended at the cost that the job asks for",
+        StopReason::NoiseFloor => "it ended where the best candidate leaves no more than the noise",
+        StopReason::Stagnation => "it ended as nothing was gained in many generations",
+        StopReason::TimeLimit => "it ended as the time of the job was used up",
+        StopReason::Cancelled => "it ended as the job was cancelled",
+        StopReason::Paused => "the job was paused",
+    }
+}
+
 fn held_back(experiment: &ExperimentTrajectory) -> Vec<(f64, &'static str)> {
     let first = experiment.time.get(experiment.estimation_samples);
     first.map(|time| (*time, "held back")).into_iter().collect()
 }
 
-fn figure(page: &mut String, chart: &Chart<'_>, caption: &str) {
+/// Measured and simulated over some of the samples.
+fn both<'a>(
+    experiment: &ExperimentTrajectory,
+    output: &OutputTrajectory,
+    samples: Range<usize>,
+    [measured, simulated]: [&'a str; 2],
+) -> Chart<'a> {
+    let columns = [&output.measured[..], &output.simulated];
+    let kept = kept_indices(&columns, samples, POINTS);
+    let series = |name, colour, values: &[f64]| Series {
+        name,
+        colour,
+        points: kept
+            .iter()
+            .map(|&k| (experiment.time[k], values[k]))
+            .collect(),
+        ..Series::default()
+    };
+    Chart {
+        x_label: "time [s]",
+        series: vec![
+            series(measured, MEASURED, &output.measured),
+            series(simulated, SIMULATED, &output.simulated),
+        ],
+        ..Chart::default()
+    }
+}
+
+/// Draws a chart with words below it, where there are any; nothing where there is nothing to draw.
+pub fn figure(page: &mut String, chart: &Chart<'_>, words: &str) {
     let mut drawn = String::new();
     chart.draw(&mut drawn);
-    if !drawn.is_empty() {
-        push(
-            page,
-            format_args!("<figure>\n{drawn}<figcaption>{caption}</figcaption>\n</figure>\n"),
-        );
+    if drawn.is_empty() {
+        return;
     }
+    let class = chart.size.class();
+    let caption = match words {
+        "" => String::new(),
+        words => format!("<figcaption>{words}</figcaption>\n"),
+    };
+    push(
+        page,
+        format_args!("<figure class=\"{class}\">\n{drawn}{caption}</figure>\n"),
+    );
 }

@@ -3,6 +3,7 @@
 use super::facts::Report;
 use super::html::{self, escape, optional, push};
 use super::plots;
+use super::tables::parameter_unit;
 use crate::identification::assemble::{DatedEvent, DisturbancePath};
 use crate::identification::outcome::{DisturbanceReport, NoiseNumberReport, Outcome};
 use crate::identification::spec::{ActsOnSpec, NoiseKind};
@@ -63,7 +64,10 @@ pub fn section(page: &mut String, report: &Report<'_>) {
     let free: Vec<String> = outcome
         .output_error
         .iter()
-        .map(|(name, free)| format!("{name} {}", significant(free.estimate, 5)))
+        .map(|(name, free)| {
+            let unit = parameter_unit(outcome, name);
+            format!("{name} {} {unit}", significant(free.estimate, 5))
+        })
         .collect();
     push(
         page,

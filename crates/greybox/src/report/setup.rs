@@ -2,11 +2,13 @@
 //! signs.
 
 use super::facts::Report;
-use super::html::{escape, number, push};
+use super::html::{escape, number, push, unit_cell};
 use super::left_out;
 use crate::identification::spec::{ExperimentRole, ParameterSpec};
 use greybox_numerics::digits::significant;
-use greybox_simulation::model::Tolerance;
+use greybox_simulation::mathml::{self, TypesetEquation};
+use greybox_simulation::model::{ParameterDescription, Tolerance};
+use std::borrow::Cow;
 
 /// The model's equations and signals.
 pub fn model(page: &mut String, report: &Report<'_>) {
@@ -14,17 +16,15 @@ pub fn model(page: &mut String, report: &Report<'_>) {
     push(
         page,
         format_args!(
-            "<section>\n<h2>Model</h2>\n<p><strong>{}</strong> (<code>{}</code>). {}</p>\n<pre>",
+            "<section>\n<h2>Model</h2>\n<p><strong>{}</strong> (<code>{}</code>). {}</p>\n",
             escape(&model.title),
             escape(&model.name),
             escape(&model.summary)
         ),
     );
-    for line in &model.equations {
-        push(page, format_args!("{}\n", escape(line)));
-    }
+    equations(page, &model.equations);
     page.push_str(
-        "</pre>\n<div class=\"scroll\"><table>\n<thead><tr><th>signal</th><th class=\"words\">is</th><th>unit</th>\
+        "<div class=\"scroll\"><table>\n<thead><tr><th>signal</th><th class=\"words\">is</th><th>unit</th>\
          <th class=\"words\">recorded as</th><th class=\"words\">meaning</th></tr></thead>\n",
     );
     let used = |name: &str| {
@@ -48,13 +48,50 @@ pub fn model(page: &mut String, report: &Report<'_>) {
                 "<tr><td>{}</td><td class=\"words\">{kind}</td><td>{}</td><td class=\"words\">{}</td>\
                  <td class=\"words\">{}</td></tr>\n",
                 escape(&signal.name),
-                escape(&signal.unit),
+                escape(unit_cell(&signal.unit)),
                 escape(&recorded),
                 escape(&signal.meaning)
             ),
         );
     }
     page.push_str("</table></div>\n</section>\n");
+}
+
+/// The equations as they are written by hand; as code where they are not all in the language of model documents.
+fn equations(page: &mut String, lines: &[Cow<'static, str>]) {
+    let typeset = lines.iter().map(|line| mathml::equation(line));
+    let Some(typeset) = typeset.collect::<Option<Vec<_>>>() else {
+        return push(
+            page,
+            format_args!("<pre>{}</pre>\n", escape(&lines.join("\n"))),
+        );
+    };
+    for TypesetEquation {
+        pieces,
+        text,
+        words,
+    } in typeset
+    {
+        let text = escape(text);
+        let drawn: Vec<String> = pieces
+            .iter()
+            .map(|piece| format!("<math displaystyle=\"true\" aria-hidden=\"true\">{piece}</math>"))
+            .collect();
+        let shown = match drawn.is_empty() {
+            true => format!("<code>{text}</code>"),
+            false => format!(
+                "<span role=\"math\" aria-label=\"{text}\">{}</span>",
+                drawn.join(" ")
+            ),
+        };
+        push(
+            page,
+            format_args!(
+                "<p class=\"equation\">{shown}<span class=\"muted\">{}</span></p>\n",
+                escape(words)
+            ),
+        );
+    }
 }
 
 /// The recordings, an experiment after the other.
@@ -103,14 +140,13 @@ pub fn recordings(page: &mut String, report: &Report<'_>) {
     page.push_str("</section>\n");
 }
 
-/// The parameters that were not estimated, with how well each is known, and the effects that the data did not
-/// support; nothing where all were estimated.
-pub fn fixed(page: &mut String, report: &Report<'_>) {
-    let mut rows = String::new();
-    for about in &report.model.parameters {
-        let estimated = report.outcome.parameters.iter();
+/// The parameters that were not estimated, each as name, value, tolerance and unit, with the effects that the data
+/// did not support.
+pub fn fixed_rows(report: &Report<'_>) -> Vec<[String; 4]> {
+    let row = |about: &ParameterDescription| {
+        let estimated = &report.outcome.parameters;
         let is_estimated = estimated
-            .clone()
+            .iter()
             .any(|parameter| parameter.name == about.name);
         let (value, tolerance) = match report.spec.parameters.get(&*about.name) {
             Some(ParameterSpec::Fixed(fixed)) => {
@@ -125,29 +161,30 @@ pub fn fixed(page: &mut String, report: &Report<'_>) {
                 about.default,
                 "left out: the data do not support it".to_owned(),
             ),
-            _ => continue,
+            _ => return None,
         };
-        push(
-            &mut rows,
-            format_args!(
-                "<tr><td>{} ({})</td><td>{}</td><td>{tolerance}</td><td>{}</td></tr>\n",
-                escape(&about.name),
-                escape(&about.symbol),
-                number(value),
-                escape(&about.unit)
-            ),
-        );
-    }
+        let name = format!("{} ({})", about.name, about.symbol);
+        let unit = unit_cell(&about.unit).to_owned();
+        Some([name, number(value), tolerance, unit])
+    };
+    report.model.parameters.iter().filter_map(row).collect()
+}
+
+/// The table of the parameters that were not estimated; nothing where all were.
+pub fn fixed(page: &mut String, report: &Report<'_>) {
+    let rows = fixed_rows(report);
     if rows.is_empty() {
         return;
     }
-    push(
-        page,
-        format_args!(
-            "<section>\n<h2>Taken as fixed</h2>\n<div class=\"scroll\"><table>\n<thead><tr><th>parameter</th><th>value</th>\
-             <th>± (one standard deviation)</th><th>unit</th></tr></thead>\n{rows}</table></div>\n</section>\n"
-        ),
+    page.push_str(
+        "<section>\n<h2>Taken as fixed</h2>\n<div class=\"scroll\"><table>\n<thead><tr><th>parameter</th><th>value</th>\
+         <th>± (one standard deviation)</th><th>unit</th></tr></thead>\n",
     );
+    for row in rows {
+        let cells = row.map(|cell| format!("<td>{}</td>", escape(&cell)));
+        push(page, format_args!("<tr>{}</tr>\n", cells.concat()));
+    }
+    page.push_str("</table></div>\n</section>\n");
 }
 
 /// Who made, checked and released it.

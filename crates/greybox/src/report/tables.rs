@@ -1,7 +1,7 @@
 //! The tables of a report.
 
 use super::Report;
-use super::html::{escape, number, optional, push, with_code};
+use super::html::{escape, labelled, number, optional, push, to_spread, unit_cell, with_code};
 use crate::identification::budget::BudgetLine;
 use crate::identification::outcome::{
     Estimate, InitialStateEstimate, Outcome, OutputFit, ParameterEstimate, Trust,
@@ -12,7 +12,8 @@ use greybox_numerics::digits::significant;
 const SMALLEST_SHARE: f64 = 0.01;
 
 /// The estimates and how well each is known.
-pub fn estimates(page: &mut String, outcome: &Outcome) {
+pub fn estimates(page: &mut String, report: &Report<'_>) {
+    let outcome = report.outcome;
     page.push_str(
         "<section>\n<h2>Estimates</h2>\n<div class=\"scroll\"><table>\n<thead><tr><th>parameter</th>\
          <th>estimate</th><th>unit</th><th>± of noise alone</th><th>95 % interval</th>\
@@ -27,7 +28,7 @@ pub fn estimates(page: &mut String, outcome: &Outcome) {
         row(page, &state_label(state), &state.unit, &state.estimate);
     }
     page.push_str("</table></div>\n");
-    changes(page, outcome);
+    changes(page, report);
     if !outcome.flat_directions.is_empty() {
         page.push_str("<p class=\"warn\">What the data do not see:</p>\n<ul>\n");
         for words in &outcome.flat_directions {
@@ -39,12 +40,13 @@ pub fn estimates(page: &mut String, outcome: &Outcome) {
 }
 
 fn row(page: &mut String, name: &str, unit: &str, estimate: &Estimate) {
+    let error = estimate.standard_error;
     let interval = match &estimate.confidence_interval {
         Some(interval) => format!(
             "{} … {}<br><span class=\"muted\">{}</span>",
-            end(interval.lower),
-            end(interval.upper),
-            escape(&interval.method)
+            end(interval.lower, error),
+            end(interval.upper, error),
+            escape(&interval.method.replace('_', " "))
         ),
         None => escape(
             estimate
@@ -54,7 +56,14 @@ fn row(page: &mut String, name: &str, unit: &str, estimate: &Estimate) {
         ),
     };
     let total = match &estimate.total_interval {
-        Some(interval) => format!("{} … {}", end(interval.lower), end(interval.upper)),
+        Some(interval) => {
+            let error = estimate.total_standard_error;
+            format!(
+                "{} … {}",
+                end(interval.lower, error),
+                end(interval.upper, error)
+            )
+        }
         None => "–".to_owned(),
     };
     let trust = estimate.trust.map_or("–", Trust::name);
@@ -65,15 +74,14 @@ fn row(page: &mut String, name: &str, unit: &str, estimate: &Estimate) {
     if !estimate.identifiable {
         flags.push_str("<br><span class=\"warn\">not fixed by the data</span>");
     }
-    let error = estimate.standard_error;
     push(
         page,
         format_args!(
             "<tr><td>{}{flags}</td><td>{}</td><td>{}</td><td>{}</td><td>{interval}</td>\
              <td>{}</td><td>{total}</td><td>{trust}</td><td>{} … {}</td></tr>\n",
             escape(name),
-            number(estimate.estimate),
-            escape(unit),
+            to_spread(estimate.estimate, error),
+            escape(unit_cell(unit)),
             error.map_or_else(|| "–".to_owned(), |error| significant(error, 2)),
             estimate
                 .total_standard_error
@@ -85,14 +93,17 @@ fn row(page: &mut String, name: &str, unit: &str, estimate: &Estimate) {
 }
 
 /// How much the outputs follow each parameter.
-fn changes(page: &mut String, outcome: &Outcome) {
-    let parameters = outcome.parameters.iter();
+fn changes(page: &mut String, report: &Report<'_>) {
+    let parameters = report.outcome.parameters.iter();
     let changes: Vec<String> = parameters
         .filter(|parameter| !parameter.estimate.output_change.is_empty())
         .map(|parameter| {
             let each = parameter.estimate.output_change.iter();
             let each: Vec<String> = each
-                .map(|(output, change)| format!("{} {}", escape(output), significant(*change, 3)))
+                .map(|(output, change)| {
+                    let (change, unit) = (significant(*change, 3), output_unit(report, output));
+                    format!("{} {change} {}", escape(output), escape(unit))
+                })
                 .collect();
             format!("{}: {}", escape(&label(parameter)), each.join(", "))
         })
@@ -101,12 +112,26 @@ fn changes(page: &mut String, outcome: &Outcome) {
         push(
             page,
             format_args!(
-                "<p class=\"muted\">Change of the outputs, root mean square in SI, when a \
+                "<p class=\"muted\">Change of the outputs, root mean square, when a \
                  parameter grows by 100 %: {}.</p>\n",
                 changes.join("; ")
             ),
         );
     }
+}
+
+/// The unit of an output; empty where the model opted out of units.
+pub fn output_unit<'r>(report: &Report<'r>, output: &str) -> &'r str {
+    let mut outputs = report.model.outputs.iter();
+    let named = outputs.find(|signal| signal.name == output);
+    named.map_or("", |signal| &signal.unit)
+}
+
+/// The unit of an estimated parameter; empty where the model opted out of units.
+pub fn parameter_unit<'o>(outcome: &'o Outcome, name: &str) -> &'o str {
+    let mut parameters = outcome.parameters.iter();
+    let named = parameters.find(|parameter| parameter.name == name);
+    named.map_or("", |parameter| &parameter.unit)
 }
 
 /// What a parameter is called; experiments count from 1.
@@ -124,8 +149,17 @@ pub fn state_label(state: &InitialStateEstimate) -> String {
     format!("{} at the start of experiment {number}", state.state)
 }
 
-fn end(value: Option<f64>) -> String {
-    value.map_or_else(|| "open".to_owned(), number)
+/// An end of an interval, with the digits that the error needs.
+pub fn end(value: Option<f64>, error: Option<f64>) -> String {
+    value.map_or_else(|| "open".to_owned(), |value| to_spread(value, error))
+}
+
+/// Lines in a cell of a table.
+fn joined(lines: &[String]) -> String {
+    match lines {
+        [] => "–".to_owned(),
+        lines => lines.join("<br>"),
+    }
 }
 
 /// The tolerance of a line, and whether nobody declared it.
@@ -174,10 +208,10 @@ pub fn budget(page: &mut String, outcome: &Outcome) {
                 escape(&line.assumption),
                 number(line.value),
                 tolerance(line),
-                escape(&line.unit),
+                escape(unit_cell(&line.unit)),
                 three(line.score),
                 three(line.unnoticed_up_to),
-                shares.join("<br>")
+                joined(&shares)
             ),
         );
     }
@@ -187,11 +221,6 @@ pub fn budget(page: &mut String, outcome: &Outcome) {
 /// How well the outputs are followed, and what the residuals look like.
 pub fn fit(page: &mut String, report: &Report<'_>) {
     let outcome = report.outcome;
-    let unit = |output: &str| {
-        let outputs = report.model.outputs.iter();
-        let named = outputs.clone().find(|signal| signal.name == output);
-        named.map_or_else(String::new, |signal| signal.unit.to_string())
-    };
     page.push_str(
         "<section>\n<h2>Fit</h2>\n<div class=\"scroll\"><table>\n<thead><tr><th>output</th><th>data</th>\
          <th>fit [%]</th><th>RMSE</th><th>largest error</th><th>samples</th></tr></thead>\n",
@@ -202,7 +231,7 @@ pub fn fit(page: &mut String, report: &Report<'_>) {
     ];
     for (data, fits) in parts {
         for (output, fit) in fits.iter().filter(|(_, fit)| fit.samples > 0) {
-            fit_row(page, (output, &unit(output)), data, fit);
+            fit_row(page, (output, output_unit(report, output)), data, fit);
         }
     }
     page.push_str(
@@ -236,12 +265,12 @@ pub fn fit(page: &mut String, report: &Report<'_>) {
                  <td>{}</td><td class=\"words\">{}</td></tr>\n",
                 escape(output),
                 significant(residuals.noise_std, 3),
-                escape(&unit(output)),
+                escape(output_unit(report, output)),
                 escape(&residuals.noise_std_source),
                 optional(residuals.chi_square_per_sample),
                 optional(residuals.lag_1_autocorrelation),
                 optional(residuals.ljung_box_p.map(|p| (1e3 * p).round() / 1e3)),
-                follow.join("<br>")
+                joined(&follow)
             ),
         );
     }
@@ -287,12 +316,12 @@ pub fn correlation(page: &mut String, outcome: &Outcome) {
     };
     page.push_str(
         "<section>\n<h2>Correlation of the estimates</h2>\n<div class=\"scroll\"><table>\n\
-         <tr><td></td>",
+         <thead><tr><th>correlation [1]</th>",
     );
     for name in &correlation.names {
         push(page, format_args!("<th>{}</th>", escape(name)));
     }
-    page.push_str("</tr>\n");
+    page.push_str("</tr></thead>\n");
     for (name, row) in correlation.names.iter().zip(&correlation.matrix) {
         push(page, format_args!("<tr><td>{}</td>", escape(name)));
         for entry in row {
@@ -359,13 +388,14 @@ pub fn starts(page: &mut String, outcome: &Outcome) {
         return;
     };
     page.push_str(
-        "<section>\n<h2>Starts of the refinement</h2>\n<div class=\"scroll\"><table>\n<tr>\
+        "<section>\n<h2>Starts of the refinement</h2>\n<div class=\"scroll\"><table>\n<thead><tr>\
          <th>cost</th><th>from</th>",
     );
     for name in first.parameters.keys() {
-        push(page, format_args!("<th>{}</th>", escape(name)));
+        let label = labelled(name, parameter_unit(outcome, name));
+        push(page, format_args!("<th>{}</th>", escape(&label)));
     }
-    page.push_str("</tr>\n");
+    page.push_str("</tr></thead>\n");
     for start in starts {
         push(
             page,
