@@ -151,7 +151,7 @@ fn embedded() -> impl IntoIterator<Item = Asset> { assets! {
         "windows.js";
     "list": "bulk.js" "columns.js" "dropdown.js" "filter.js" "groups.js" "jobs.css" "jobs.js" "layout.js" "rows.js" "start.js" "views.js";
     "model": "description.js" "editor.js" "equation.js" "excitation.js" "language.js" "models.js"
-        "parameters.js" "picture.js" "signals.js" "simulation.js" "sliders.js" "trial.js";
+        "parameters.js" "picture.js" "request.js" "signals.js" "simulation.js" "sliders.js" "trial.js";
     "new": "draft.js" "fields.js" "job.css" "job.js" "measurement.js" "model.js" "parameters.js" "preflight.js"
         "recordings.js" "search.js" "trial.js" "version.js";
     "plant": "access.js" "agents.js" "audit.js" "entries.js" "fields.js" "find.js" "head.js" "instants.js" "mapping.js"

@@ -2,7 +2,7 @@
 // The part shows how an output moves over time as each unknown moves up by a step, and ranks the unknowns by it.
 // The experiment is simulated once with the estimates, and once more for each unknown.
 
-import { simulationOf } from "../model/simulation.js";
+import { simulationOf } from "../model/request.js";
 import { clockOf } from "../plot/clock.js";
 import { PlotGroup } from "../plot/group.js";
 import { plot } from "../plot/plot.js";
