@@ -56,14 +56,14 @@ export const text = (page, selector) => page.$eval(selector, (element) => elemen
 export const says = (page, words) =>
   page.waitForFunction((text) => document.body.innerText.includes(text), PATIENCE, words);
 
-// Presses what the words name.
+// Presses a button, a link or a summary. A form draws its parts anew where the server has answered: a locator looks for
+// the part again.
 export async function press(page, words) {
   const selector = `::-p-xpath(//*[self::a or self::button or self::summary][contains(., '${words}')])`;
-  await (await page.waitForSelector(selector, { ...PATIENCE, visible: true })).click();
+  await page.locator(selector).setTimeout(PATIENCE.timeout).click();
 }
 
-// Types into a field as a person does, and leaves it. A form draws its fields anew where the server has answered: a
-// locator looks for the field again.
+// Types into a field as a person does, and leaves it.
 export async function fill(page, field, words) {
   await page.locator(field).click({ count: 3 });
   await page.keyboard.type(words);

@@ -5,7 +5,7 @@
 
 import assert from "node:assert/strict";
 import { after, before, test } from "node:test";
-import { faultsOf, fill, labelled, launch, open, PATIENCE, press, SIZES, says, tools } from "./browser.mjs";
+import { faultsOf, fill, launch, open, PATIENCE, press, SIZES, says, tools } from "./browser.mjs";
 import { base, designJob, ended, JOB, post, recording } from "./server.mjs";
 
 const skip = base && tools ? false : "GREYBOX_URL and PAGE_TOOLS are not set";
@@ -189,9 +189,7 @@ test("a seed of 64 bits is kept and sent with all its digits", { skip }, async (
   });
   const text = () => page.$eval("#panel-json .editor", (editor) => editor.getText());
   await press(page, "Settings of the search");
-  const seed = await labelled(page, "Seed");
-  await seed.type(LARGEST);
-  await page.keyboard.press("Tab");
+  await fill(page, "::-p-xpath(//label[contains(., 'Seed')]//input)", LARGEST);
   await page.waitForFunction(
     (digits) => document.querySelector("#panel-json .editor").getText().includes(`"seed": ${digits}`),
     PATIENCE,
