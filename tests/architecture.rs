@@ -65,6 +65,8 @@ const CRATES: [Crate; 5] = [
         ("worker", &["access", "admission", "event", "span", "store", "job"]),
     ] },
     Crate { name: "greybox", folder: "crates/greybox/src", rooms: &[
+        // Recordings are prepared before anything is identified.
+        ("preparation", &[]),
         ("report", &["identification"]),
         ("identification", &["uncertainty", "estimation"]),
         // Recordings that the program makes are simulated ones.

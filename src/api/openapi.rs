@@ -322,9 +322,9 @@ mod tests {
             }
         }
         assert_eq!(
-            n_bodies, 29,
-            "three forms of a recording and of a batch, a version, two of a layout and one that is kept, two of a model, a simulation, a design, a selection, \
-             a job and its words, a comparison, a part of a stream, a monitor and its move, a webhook, a token, \
+            n_bodies, 31,
+            "three forms of a recording and of a batch, a version, a recipe, two of a layout and one that is kept, two of a model, a simulation, a design, a selection, \
+             a job and its words, a comparison, a part of a stream and its marks, a monitor and its move, a webhook, a token, \
              a mapping, the lines of two protocols and two of messages"
         );
     }

@@ -155,10 +155,11 @@ async fn version_of(bodies: &Bodies, id: DatasetId, wanted: Option<u32>) -> Answ
 /// The recording without the samples that are marked.
 fn without(recording: &Recording, marks: &[Mark]) -> Recording {
     let mut recording = recording.clone();
-    recording.leave_out(&Exclude {
+    let marked = Exclude {
         classes: Vec::new(),
         spans: marks.iter().map(Mark::span).collect(),
-    });
+    };
+    marked.leave_out_of(&mut recording);
     recording
 }
 

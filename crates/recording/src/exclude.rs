@@ -2,7 +2,7 @@
 
 use super::columns::SampleSeries;
 use super::profile::SignalProfile;
-use super::{Class, Signal, TimeAxis, quality};
+use super::{Class, Recording, Signal, TimeAxis, quality};
 use serde::{Deserialize, Serialize};
 use utoipa::ToSchema;
 
@@ -47,6 +47,17 @@ pub struct ExcludedSpan {
 }
 
 impl Exclude {
+    /// Makes the samples of a recording missing that are left out. Answers how many they are.
+    pub fn leave_out_of(&self, recording: &mut Recording) -> usize {
+        let mut left_out = 0;
+        for signal in &mut recording.signals {
+            let mut values = signal.values.clone();
+            left_out += self.apply(signal, &recording.time, 0, &mut values);
+            signal.values = values;
+        }
+        left_out
+    }
+
     /// Makes the samples missing that are left out of a signal, whose samples from the index
     /// `start` on are `values`. Answers how many they are.
     pub(super) fn apply(

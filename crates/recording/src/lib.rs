@@ -16,6 +16,7 @@ mod experiment;
 mod export;
 pub mod intake;
 mod interpolated;
+mod marked_rows;
 mod profile;
 mod quality;
 mod received;

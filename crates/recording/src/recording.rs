@@ -1,6 +1,6 @@
 //! A recording: signals over one time axis, and what their source said of them.
 
-use super::{DoubleHour, Exclude, RecordingSource, Signal, TimeAxis, Warning};
+use super::{DoubleHour, RecordingSource, Signal, TimeAxis, Warning};
 
 /// The most signals one recording may have.
 pub const MAX_SIGNALS: usize = 1000;
@@ -93,17 +93,6 @@ impl Recording {
     #[must_use]
     pub fn bytes(&self) -> usize {
         self.time.samples() * self.signals.len() * size_of::<f64>()
-    }
-
-    /// Makes the samples missing that are left out. Answers how many they are.
-    pub fn leave_out(&mut self, exclude: &Exclude) -> usize {
-        let mut left_out = 0;
-        for signal in &mut self.signals {
-            let mut values = signal.values.clone();
-            left_out += exclude.apply(signal, &self.time, 0, &mut values);
-            signal.values = values;
-        }
-        left_out
     }
 
     /// The signal of that name.

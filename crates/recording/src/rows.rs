@@ -10,7 +10,6 @@ use super::{
 use jiff::Timestamp;
 use serde::{Deserialize, Serialize};
 use sha2::{Digest, Sha256};
-use std::ops::RangeInclusive;
 use utoipa::ToSchema;
 
 /// What rounding to a nanosecond does to an instant, as the rounding of a number of this size `[s]`.
@@ -109,33 +108,6 @@ impl RowSample {
 }
 
 impl Rows {
-    /// Takes the values of samples of columns away and says that they are bad, between two instants, both included.
-    /// Answers how many had a value.
-    pub fn mark_bad(
-        &mut self,
-        instants: RangeInclusive<i64>,
-        columns: impl Iterator<Item = usize>,
-    ) -> usize {
-        let first = self
-            .instants
-            .partition_point(|instant| instant < instants.start());
-        let end = self
-            .instants
-            .partition_point(|instant| instant <= instants.end());
-        let mut marked = 0;
-        for column in columns {
-            let RowColumn { values, classes } = &mut self.columns[column];
-            for row in (first..end)
-                .filter(|row| !values[*row].is_nan())
-                .collect::<Vec<_>>()
-            {
-                (values[row], classes[row]) = (f64::NAN, Class::Bad);
-                marked += 1;
-            }
-        }
-        marked
-    }
-
     /// The rows of a recording, and its signals; nothing where it does not say when it began, or
     /// where its instants lie outside what nanoseconds since 1970 can say.
     #[must_use]

@@ -1,10 +1,12 @@
 //! A short stretch of an output whose line is a band over the whole recording: so many periods stand side by side
 //! that none of them can be seen.
 
-use super::plots::POINTS;
 use crate::identification::assemble::{ExperimentTrajectory, OutputTrajectory};
 use greybox_numerics::digits::short;
 use std::ops::Range;
+
+/// Points of a line at the most; the extremes of each stretch are kept.
+pub const POINTS: usize = 1500;
 
 /// A line is a band where it goes up and down more often than this.
 const BAND_SWINGS: f64 = 60.0;

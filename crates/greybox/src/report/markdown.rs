@@ -1,6 +1,7 @@
 //! A result as Markdown: for wikis, merge requests and files that are compared line by line.
 
 use super::html::{push, to_spread, unit_cell};
+use super::markdown_text::{cell, line};
 use super::tables::{end, output_unit};
 use super::{Report, verdict_words};
 use crate::identification::outcome::{Estimate, Outcome, Trust};
@@ -178,41 +179,5 @@ fn fixed(text: &mut String, report: &Report<'_>) {
     for row in rows {
         let cells = row.map(|text| cell(&text));
         push(text, format_args!("| {} |\n", cells.join(" | ")));
-    }
-}
-
-/// Text in the cell of a table.
-pub fn cell(text: &str) -> String {
-    line(text).replace('|', "\\|")
-}
-
-/// Text on one line that opens no markup: neither a tag nor a link nor a picture.
-fn line(text: &str) -> String {
-    let words: Vec<&str> = text.split_whitespace().collect();
-    let mut line = String::with_capacity(text.len());
-    for character in words.join(" ").chars() {
-        match character {
-            '<' => line.push_str("&lt;"),
-            '\\' | '`' | '[' | ']' => line.extend(['\\', character]),
-            _ => line.push(character),
-        }
-    }
-    line
-}
-
-#[cfg(test)]
-mod tests {
-    use super::{cell, line};
-
-    #[test]
-    fn a_name_opens_neither_a_link_nor_a_picture_nor_a_cell() {
-        let link = line("[x](javascript:alert(1))");
-        assert_eq!(link, r"\[x\](javascript:alert(1))");
-        let picture = line("![x](http://plant.example/p.png)");
-        assert_eq!(picture, r"!\[x\](http://plant.example/p.png)");
-        let escaped_already = line(r"\[x\](javascript:alert(1))");
-        assert_eq!(escaped_already, r"\\\[x\\\](javascript:alert(1))");
-        assert_eq!(line("<b>\n`x`"), r"&lt;b> \`x\`");
-        assert_eq!(cell(r"a\|b"), r"a\\\|b");
     }
 }

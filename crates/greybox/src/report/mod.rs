@@ -11,6 +11,7 @@ mod html;
 mod inset;
 mod left_out;
 pub mod markdown;
+mod markdown_text;
 mod plots;
 mod posterior;
 mod process_noise;

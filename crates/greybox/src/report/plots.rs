@@ -3,18 +3,14 @@
 use super::chart::{Chart, ChartSize, Series, SeriesLook};
 use super::facts::{GenerationCosts, Report};
 use super::html::{escape, labelled, push};
-use super::inset::{self, DenseStretch};
+use super::inset::{self, DenseStretch, POINTS};
 use super::residuals::{self, Diagnostics};
-use crate::estimation::StopReason;
 use crate::identification::assemble::{
     DisturbancePath, ExperimentDisturbances, ExperimentTrajectory, OutputTrajectory,
 };
-use crate::identification::outcome::ResidualReport;
+use crate::identification::outcome::{ResidualReport, StopReason};
 use greybox_recording::kept_indices;
 use std::ops::Range;
-
-/// Points of a line at the most; the extremes of each stretch are kept.
-pub const POINTS: usize = 1500;
 
 /// Half the width of a 95 % interval, in standard deviations.
 const NORMAL_95: f64 = 1.959_964;

@@ -3,6 +3,7 @@
 
 use super::chart::{Chart, ChartSize, Series, SeriesLook};
 use super::html::{labelled, push, to_spread, unit_cell};
+use super::markdown_text::cell;
 use super::plots::figure;
 use super::tables::{label, state_label};
 use crate::identification::outcome::{Estimate, Outcome, ProfilePoint};
@@ -125,8 +126,8 @@ pub fn markdown(text: &mut String, outcome: &Outcome) {
             text,
             format_args!(
                 "| {} | {} | {} | {} |\n",
-                super::markdown::cell(&profiled.label),
-                super::markdown::cell(unit_cell(profiled.unit)),
+                cell(&profiled.label),
+                cell(unit_cell(profiled.unit)),
                 fits.collect::<Vec<_>>().join(", "),
                 profiled.level()
             ),

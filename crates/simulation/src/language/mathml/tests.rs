@@ -1,3 +1,5 @@
+//! Equations in MathML are read back by a reader of their own and compared with the expressions.
+
 use super::super::function;
 use super::super::syntax::{Expression, Operator, Syntax, TextSpan, parse};
 use super::equation;
@@ -251,11 +253,11 @@ fn words_behind_an_equation_stay_words() {
 
 #[test]
 fn a_long_sum_is_broken_between_its_terms_and_a_wide_product_is_left_as_text() {
-    let long = format!("y = {}", vec!["alpha*(x + area)"; 8].join(" - "));
+    let long = format!("y = {}", ["alpha*(x + area)"; 8].join(" - "));
     let pieces = equation(&long).unwrap().pieces;
     assert_eq!(pieces.len(), 8);
     assert!(pieces[7].starts_with("<mo form=\"infix\">−</mo>"));
-    let wide = format!("y = {}", vec!["(first + second)"; 8].join("*"));
+    let wide = format!("y = {}", ["(first + second)"; 8].join("*"));
     assert!(equation(&wide).unwrap().pieces.is_empty());
 }
 
