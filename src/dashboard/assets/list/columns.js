@@ -27,7 +27,7 @@ const WIDEST_TRUST = "moderate____";
 
 /** @type {Column[]} */
 export const COLUMNS = [
-  { key: "status", title: "Status", widest: "running 100 %", narrow: true },
+  { key: "status", title: "Status", widest: "running 100 %___", narrow: true },
   { key: "trust", title: "Trust", widest: WIDEST_TRUST, narrow: true },
   { key: "name", title: "Job", text: titleOf, narrow: true, fixed: true },
   { key: "dataset", title: "Recording", text: ({ datasets }) => recordingsOf(datasets) },
