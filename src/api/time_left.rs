@@ -8,11 +8,10 @@ use jiff::Timestamp;
 use serde::Serialize;
 use utoipa::ToSchema;
 
-use super::error::{Answer, Kind, Problem};
+use super::error::Answer;
 use super::extract::{Named, PathName as _};
 use super::http_headers::json;
 use super::query::{NoQuery, Params};
-use crate::job::Status;
 use crate::store::Jobs;
 use greybox::identification::JobId;
 
@@ -21,20 +20,22 @@ const MOST_JOBS: u32 = 500;
 /// Fewer jobs that took longer tell nothing.
 const LEAST_LONGER: usize = 5;
 
-/// How long a running job may go on, by the jobs like it that succeeded: those of its project, model and method, the
-/// 500 newest. Half of those that took longer than the job has so far ended within `half_s`, nine in ten within
+/// How long a job may go on, by the jobs like it that succeeded: those of its project, model and method, the 500
+/// newest. Half of those that took longer than the job has so far ended within `half_s`, nine in ten within
 /// `nine_in_ten_s`.
 #[derive(Serialize, ToSchema)]
 pub struct TimeLeft {
-    /// How long the job has taken so far `[s]`.
+    /// How long the job has taken so far `[s]`: 0 before its first slice, and all of its time where it has ended.
     elapsed_s: f64,
     /// How many jobs are like it.
     jobs: usize,
     /// How many of them took longer than the job has so far.
     longer: usize,
-    /// Half of those ended within this time from now `[s]`; `null` where fewer than five took longer.
+    /// Half of those ended within this time from now `[s]`; `null` where fewer than five took longer, or the
+    /// job has ended.
     half_s: Option<f64>,
-    /// Nine in ten of those ended within this time from now `[s]`; `null` where fewer than five took longer.
+    /// Nine in ten of those ended within this time from now `[s]`; `null` where fewer than five took longer, or the
+    /// job has ended.
     nine_in_ten_s: Option<f64>,
 }
 
@@ -60,37 +61,29 @@ impl TimeLeft {
     }
 }
 
-/// Tell how long a running job may go on.
+/// Tell how long a job may go on.
 #[utoipa::path(
     get, path = "/v1/jobs/{id}/time-left", operation_id = "show_time_left", tag = "jobs",
     params(("id" = JobId, Path, description = "The job")),
-    responses(
-        (status = 200, description = "By how long jobs like it took", body = TimeLeft),
-        (status = 409, description = "The job does not run")
-    )
+    responses((status = 200, description = "By how long jobs like it took", body = TimeLeft))
 )]
 pub async fn show(
     State(jobs): State<Jobs>,
     Named(id): Named<JobId>,
     _query: Params<NoQuery>,
 ) -> Answer {
-    let row = jobs
-        .summaries_of(&[id])
-        .await?
-        .pop()
-        .ok_or_else(|| id.not_found())?;
-    let running = row.started_at.filter(|_| row.status == Status::Running);
-    let started_at = running.ok_or_else(|| {
-        let detail = format!("the job is {}", row.status.as_str());
-        Problem::new(Kind::WrongState, detail)
-    })?;
+    let row = jobs.summaries_of(&[id]).await?.pop();
+    let row = row.ok_or_else(|| id.not_found())?;
+    let end = row.finished_at.unwrap_or_else(Timestamp::now);
+    let elapsed = row.started_at.map(|started_at| end.duration_since(started_at));
+    let elapsed_s = elapsed.map_or(0.0, |elapsed| elapsed.as_secs_f64().max(0.0));
     let took = jobs.times_like(&row, MOST_JOBS).await?;
     let took_s = took.iter().map(Duration::as_secs_f64).collect();
-    let elapsed_s = Timestamp::now().duration_since(started_at).as_secs_f64();
-    Ok(json(
-        StatusCode::OK,
-        &TimeLeft::by(took_s, elapsed_s.max(0.0)),
-    ))
+    let mut left = TimeLeft::by(took_s, elapsed_s);
+    if row.status.is_terminal() {
+        (left.half_s, left.nine_in_ten_s) = (None, None);
+    }
+    Ok(json(StatusCode::OK, &left))
 }
 
 #[cfg(test)]

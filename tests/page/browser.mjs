@@ -56,11 +56,22 @@ export const text = (page, selector) => page.$eval(selector, (element) => elemen
 export const says = (page, words) =>
   page.waitForFunction((text) => document.body.innerText.includes(text), PATIENCE, words);
 
-// Presses a button, a link or a summary. A form draws its parts anew where the server has answered: a locator looks for
-// the part again.
+// Presses a button, a link or a summary. A form draws its parts anew where the server has answered, so that a part may
+// be gone between the look and the click: then the new one is pressed.
 export async function press(page, words) {
   const selector = `::-p-xpath(//*[self::a or self::button or self::summary][contains(., '${words}')])`;
-  await page.locator(selector).setTimeout(PATIENCE.timeout).click();
+  for (let turn = 0; turn < 20; turn += 1) {
+    const part = await page.waitForSelector(selector, { ...PATIENCE, visible: true });
+    try {
+      await part.click();
+      return;
+    } catch (error) {
+      if (!/detached/.test(error.message)) {
+        throw error;
+      }
+    }
+  }
+  throw new Error(`${words} is drawn anew again and again`);
 }
 
 // Types into a field as a person does, and leaves it.
