@@ -75,7 +75,9 @@ pub async fn show(
     let row = jobs.summaries_of(&[id]).await?.pop();
     let row = row.ok_or_else(|| id.not_found())?;
     let end = row.finished_at.unwrap_or_else(Timestamp::now);
-    let elapsed = row.started_at.map(|started_at| end.duration_since(started_at));
+    let elapsed = row
+        .started_at
+        .map(|started_at| end.duration_since(started_at));
     let elapsed_s = elapsed.map_or(0.0, |elapsed| elapsed.as_secs_f64().max(0.0));
     let took = jobs.times_like(&row, MOST_JOBS).await?;
     let took_s = took.iter().map(Duration::as_secs_f64).collect();
