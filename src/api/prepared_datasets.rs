@@ -17,15 +17,13 @@ use crate::store::NewDataset;
 use greybox::identification::DatasetId;
 use greybox::identification::spec::{MAX_NAME_CHARS, MAX_VERSION};
 use greybox::parsing::Fault;
-use greybox::preparation::{PreparationStep, Recipe, prepare, read_recipe};
+use greybox::preparation::{MAX_VALUES, PreparationStep, Recipe, prepare, read_recipe};
 use greybox::recording::{Exclude, Mark, Recording, RecordingSource};
 
 /// The format of recordings that were prepared here.
 const FORMAT: &str = "prepared";
-/// The values of a recording that can be prepared: two copies of them are in memory at a time.
-const MAX_VALUES: usize = 32_000_000;
 
-/// What is to be made of a recording.
+/// A recipe: the steps by which another recording is made of one.
 #[derive(Serialize, ToSchema)]
 #[schema(as = Recipe)]
 #[schema(example = json!({
@@ -163,7 +161,7 @@ fn without(recording: &Recording, marks: &[Mark]) -> Recording {
     recording
 }
 
-/// What the prepared recording was made of and how.
+/// The recording, the version and the steps that a prepared recording was made of.
 fn source(id: DatasetId, version: u32, recipe: &Recipe) -> RecordingSource {
     let options = [
         ("dataset", id.to_string()),

@@ -80,6 +80,9 @@ pub struct NamedDataset {
     pub name: Option<String>,
 }
 
+/// Results that are in memory at once, which have some hundred kilobytes each.
+const RESULTS_AT_ONCE: usize = 20;
+
 const COLUMNS: &str = "id, project, name, labels, model, status, progress, created_at, started_at, \
      finished_at, ";
 
@@ -130,9 +133,18 @@ impl Jobs {
         jobs: &[JobId],
         names: &[String],
     ) -> Result<HashMap<JobId, BTreeMap<String, EstimateInShort>>, StoreError> {
-        if jobs.is_empty() {
-            return Ok(HashMap::new());
+        let mut estimates = HashMap::new();
+        for portion in jobs.chunks(RESULTS_AT_ONCE) {
+            estimates.extend(self.estimates_of(portion, names).await?);
         }
+        Ok(estimates)
+    }
+
+    async fn estimates_of(
+        &self,
+        jobs: &[JobId],
+        names: &[String],
+    ) -> Result<HashMap<JobId, BTreeMap<String, EstimateInShort>>, StoreError> {
         let mut query = QueryBuilder::new("select job, outcome, seal from results where job in (");
         let mut listed = query.separated(", ");
         for job in jobs {

@@ -18,10 +18,8 @@ use crate::api::query::{NoQuery, Params};
 use crate::store::{
     MAX_STREAM_MARKS, NewStreamMarks, StreamMark, StreamMarked, StreamMarks, StreamRow, Streams,
 };
+use greybox::identification::spec::read_reason;
 use greybox::parsing::reader::{Field, did_you_mean, read_document};
-
-/// Characters of the reason of a mark at the most.
-const MAX_REASON_CHARS: usize = 200;
 
 /// The marks of a stream as they are to be.
 #[derive(ToSchema)]
@@ -186,15 +184,4 @@ fn read_signals(field: &Field<'_>, names: &BTreeSet<&str>) -> Option<Vec<String>
         })
         .collect();
     signals.into_iter().collect()
-}
-
-fn read_reason(field: &Field<'_>) -> Option<String> {
-    let reason = field.text()?;
-    let length = reason.chars().count();
-    if reason.trim().is_empty() || length > MAX_REASON_CHARS || reason.contains('\0') {
-        let detail = format!("a reason has 1 to {MAX_REASON_CHARS} characters, none of them NUL");
-        field.fault("out_of_range", detail);
-        return None;
-    }
-    Some(reason.to_owned())
 }

@@ -64,7 +64,9 @@ pub use process_noise::{
     NoiseRange, ProcessNoiseSpec,
 };
 pub use validation::ValidationSpec;
-pub use version::{MAX_MARKS, MAX_VERSION, NewVersion, RecordingVersions, read_new_version};
+pub use version::{
+    MAX_MARKS, MAX_VERSION, NewVersion, RecordingVersions, read_new_version, read_reason,
+};
 pub use window::WindowSpec;
 
 use greybox_numerics::parsing::reader::{Field, Object, read_document};

@@ -3,6 +3,7 @@
 use std::collections::{BTreeMap, BTreeSet};
 
 use super::fault::PreparationFault;
+use super::limits;
 use greybox_numerics::parsing::reader::did_you_mean;
 use greybox_recording::{Class, ClassSpan, MAX_SIGNALS, Recording, Signal, intake, name_fault};
 use greybox_simulation::model::document::{Calculation, Quantity};
@@ -38,6 +39,10 @@ pub(super) fn add(
         let detail = format!("a recording has {MAX_SIGNALS} signals at the most");
         return Err(PreparationFault::of_field("signal", "too_many", detail));
     }
+    if place.is_none() {
+        let samples = recording.time.samples() as f64;
+        limits::check_values(samples, recording.signals.len() + 1)?;
+    }
     let si = intake::si_unit(unit).ok_or_else(|| {
         let detail = format!("the unit `{unit}` is not one that recordings are read in");
         PreparationFault::of_field("unit", "unknown_unit", detail)
@@ -55,6 +60,15 @@ pub(super) fn add(
         field: "equation",
         faults,
     })?;
+    if recording.own_instants && calculation.used().len() > 1 {
+        let detail =
+            "the signals have instants of their own: put a step `resample` before it".to_owned();
+        return Err(PreparationFault::of_field(
+            "equation",
+            "own_instants",
+            detail,
+        ));
+    }
     let signals: Vec<&Signal> = named.iter().map(|(_, signal)| *signal).collect();
     let (signal, without_value) = evaluate(recording, &calculation, &signals);
     let signal = Signal {

@@ -129,11 +129,12 @@ pub(super) fn median(values: &mut [f64], samples: usize) {
         around.clear();
         let window = original[k - reach..=k + reach].iter();
         around.extend(window.filter(|value| !value.is_nan()));
-        around.sort_unstable_by(f64::total_cmp);
-        let middle = around.len() / 2;
-        *value = match around.len() % 2 {
-            1 => around[middle],
-            _ => 0.5 * (around[middle - 1] + around[middle]),
+        let count = around.len();
+        let (below, upper, _) = around.select_nth_unstable_by(count / 2, f64::total_cmp);
+        let lower = below.iter().copied().fold(f64::NEG_INFINITY, f64::max);
+        *value = match count % 2 {
+            1 => *upper,
+            _ => 0.5 * (lower + *upper),
         };
     }
 }

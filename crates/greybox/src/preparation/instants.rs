@@ -1,6 +1,7 @@
 //! Steps that change the instants of a recording: a part of it, another grid, signals moved in time.
 
 use super::fault::PreparationFault;
+use super::limits;
 use greybox_recording::{
     Class, ClassSpan, Interpolation, LONGEST_BRIDGE, MIN_SAMPLES, Recording, Signal, TimeAxis,
 };
@@ -68,7 +69,6 @@ pub(super) fn resample(
     sample_time: f64,
     held: &[usize],
 ) -> Result<(), PreparationFault> {
-    let before = recording.time.sample_time();
     let intervals = (recording.time.duration() / sample_time + ROUNDING).floor();
     if intervals + 1.0 < MIN_SAMPLES as f64 {
         let detail = format!("the recording lasts {:.6} s", recording.time.duration());
@@ -86,6 +86,7 @@ pub(super) fn resample(
             detail,
         ));
     }
+    limits::check_values(intervals + 1.0, recording.signals.len())?;
     let grid = TimeAxis::Uniform {
         sample_time,
         samples: intervals as usize + 1,
@@ -94,18 +95,50 @@ pub(super) fn resample(
         recording.signals[*place].interpolation = Some(Interpolation::Hold);
     }
     for signal in &mut recording.signals {
-        let instants = || (0..grid.samples()).map(|k| grid.instant(k));
-        let is_held = signal.interpolation == Some(Interpolation::Hold);
-        let values = match is_held || sample_time < COARSER * before {
-            true => signal.at(&recording.time, instants()),
-            false => means(&recording.time, &signal.values, &grid),
+        *signal = match recording.own_instants {
+            true => match sampled(signal, &recording.time) {
+                Some((time, sampled)) => on_grid(&sampled, &time, &grid),
+                None => Signal {
+                    values: vec![f64::NAN; grid.samples()],
+                    classes: Vec::new(),
+                    ..signal.clone()
+                },
+            },
+            false => on_grid(signal, &recording.time, &grid),
         };
-        signal.classes = classes_at(signal, &recording.time, instants());
-        signal.values = values;
     }
     recording.time = grid;
     recording.own_instants = false;
     Ok(())
+}
+
+/// A signal that has instants of its own with these alone: those at which its source says something of it.
+fn sampled(signal: &Signal, time: &TimeAxis) -> Option<(TimeAxis, Signal)> {
+    let classes = signal.class_of_each();
+    let is_told = |k: &usize| !signal.values[*k].is_nan() || classes[*k] != Class::Good;
+    let told: Vec<usize> = (0..signal.values.len()).filter(is_told).collect();
+    let instants = told.iter().map(|k| time.instant(*k)).collect();
+    let sampled = Signal {
+        values: told.iter().map(|k| signal.values[*k]).collect(),
+        classes: ClassSpan::of(told.iter().map(|k| classes[*k])),
+        ..signal.clone()
+    };
+    (!told.is_empty()).then_some((TimeAxis::Instants(instants), sampled))
+}
+
+/// A signal on a grid: its means where the grid is coarser than its samples and it is not held, else its values.
+fn on_grid(signal: &Signal, time: &TimeAxis, grid: &TimeAxis) -> Signal {
+    let instants = || (0..grid.samples()).map(|k| grid.instant(k));
+    let is_held = signal.interpolation == Some(Interpolation::Hold);
+    let values = match is_held || grid.sample_time() < COARSER * time.sample_time() {
+        true => signal.at(time, instants()),
+        false => means(time, &signal.values, grid),
+    };
+    Signal {
+        classes: classes_at(signal, time, instants()),
+        values,
+        ..signal.clone()
+    }
 }
 
 /// The mean around each instant of a grid, over one of its sample times, of the straight lines between samples.
@@ -206,6 +239,44 @@ mod tests {
         resample(&mut recording, 0.25, &[]).unwrap();
         assert_eq!(recording.time.samples(), 41);
         assert!((recording.signals[0].values[5] - 1.25).abs() < 1e-9);
+    }
+
+    #[test]
+    fn signals_with_instants_of_their_own_are_put_on_one_grid_each_by_its_own_samples() {
+        // The level comes each second, the valve half a second later each second.
+        let values = |first: usize, value: fn(f64) -> f64| {
+            let value = |k: usize| match k % 2 == first {
+                true => value(0.5 * k as f64),
+                false => f64::NAN,
+            };
+            (0..41).map(value).collect::<Vec<f64>>()
+        };
+        let signals = [
+            ("level", "m", values(0, |t| t)),
+            ("valve", "", values(1, |t| -t)),
+        ];
+        let mut recording = Recording::from_samples(0.5, signals);
+        recording.own_instants = true;
+        resample(&mut recording, 0.25, &[]).unwrap();
+        assert!(!recording.own_instants);
+        for (signal, sign) in recording.signals.iter().zip([1.0, -1.0]) {
+            for k in 4..70 {
+                let expected = sign * 0.25 * k as f64;
+                assert!(
+                    (signal.values[k] - expected).abs() < 1e-9,
+                    "{} {k}",
+                    signal.name
+                );
+            }
+        }
+    }
+
+    #[test]
+    fn a_grid_that_takes_too_much_memory_is_refused_before_it_is_made() {
+        let mut recording = ramp(1_000_000, 0.1);
+        let fault = resample(&mut recording, 0.002, &[]).unwrap_err();
+        assert_eq!(fault.faults[0].code, "too_large");
+        assert_eq!(recording.time.samples(), 1_000_000);
     }
 
     #[test]

@@ -1,17 +1,19 @@
 //! Preparing a recording for a job: a recipe of named steps makes another recording of it, and leaves it as it is.
 //!
-//! `reading` reads a recipe, `instants`, `filter`, `trend` and `calculated` do its steps, and each step says in words
+//! `reading` reads a recipe, `limits` bounds what it takes, `instants`, `filter`, `trend` and `calculated` do its steps, and each step says in words
 //! what it did (`words`), which the report of the prepared recording keeps.
 
 mod calculated;
 mod fault;
 mod filter;
 mod instants;
+mod limits;
 mod reading;
 mod step;
 mod trend;
 mod words;
 
+pub use limits::MAX_VALUES;
 pub use reading::{MAX_STEPS, Recipe, read_recipe};
 pub use step::{PreparationStep, Trend};
 
@@ -32,8 +34,11 @@ pub fn prepare(
 ) -> Result<Recording, Vec<Fault>> {
     // A note with a place points to samples that may be gone after the first step.
     recording.notes.retain(|note| note.spans.is_empty());
+    let mut work = 0.0;
     for (k, step) in steps.iter().enumerate() {
-        let left = apply(&mut recording, step).map_err(|fault| fault.at_step(k))?;
+        let done = limits::add_work(&mut work, step, &recording);
+        let left = done.and_then(|()| apply(&mut recording, step));
+        let left = left.map_err(|fault| fault.at_step(k))?;
         let detail = format!("step {}: {}", k + 1, words::sentence(step));
         recording
             .notes

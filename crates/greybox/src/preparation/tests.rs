@@ -176,6 +176,21 @@ fn an_equation_that_cannot_be_calculated_is_refused_at_its_place() {
 }
 
 #[test]
+fn steps_that_take_too_long_are_refused_at_the_step_that_is_too_much() {
+    let long = Recording::from_samples(0.5, [("level", "m", vec![1.0; 1_000_000])]);
+    let steps = json!({"steps": [
+        {"step": "resample", "sample_time_s": 0.05},
+        {"step": "median", "samples": 1001},
+    ]});
+    let recipe = read_recipe(&steps, 200, 1000).unwrap();
+    let faults = prepare(long, &recipe.steps).unwrap_err();
+    assert_eq!(
+        (faults[0].pointer(), &*faults[0].code),
+        ("/steps/1", "too_much_work")
+    );
+}
+
+#[test]
 fn a_filter_needs_a_grid_and_tells_what_it_does_to_noise() {
     let mut recording = tank();
     let mut instants: Vec<f64> = (0..200).map(|k| 0.5 * f64::from(k)).collect();

@@ -177,7 +177,7 @@ impl Chart<'_> {
         page.push_str("</svg>\n");
     }
 
-    /// What is shaded, and the dashed lines with their words.
+    /// Draws the shaded stretch, and the dashed lines with their words.
     fn draw_limits(&self, page: &mut String, x: &Axis, y: &Axis) {
         if let Some(ends) = self.shaded {
             let [from, to] = ends.map(|end| x.place(end));

@@ -103,10 +103,7 @@ pub fn disturbance(
     let series = series.map(|((name, colour), values)| Series {
         name,
         colour,
-        points: kept
-            .iter()
-            .map(|&k| (experiment.time[k], values[k]))
-            .collect(),
+        points: points(&experiment.time, &kept, values),
         ..Series::default()
     });
     let label = labelled(label, &disturbance.unit);
@@ -346,6 +343,12 @@ fn held_back(experiment: &ExperimentTrajectory) -> Vec<(f64, &'static str)> {
     first.map(|time| (*time, "held back")).into_iter().collect()
 }
 
+/// The points of a line at the samples that are kept.
+fn points(times: &[f64], kept: &[usize], values: &[f64]) -> Vec<(f64, f64)> {
+    let points = kept.iter().map(|k| (times[*k], values[*k]));
+    points.collect()
+}
+
 /// Measured and simulated over some of the samples.
 fn both<'a>(
     experiment: &ExperimentTrajectory,
@@ -358,10 +361,7 @@ fn both<'a>(
     let series = |name, colour, values: &[f64]| Series {
         name,
         colour,
-        points: kept
-            .iter()
-            .map(|&k| (experiment.time[k], values[k]))
-            .collect(),
+        points: points(&experiment.time, &kept, values),
         ..Series::default()
     };
     Chart {

@@ -160,7 +160,8 @@ fn read_mark(field: &Field<'_>, recording: Option<&Summary>) -> Option<Mark> {
     })
 }
 
-fn read_reason(field: &Field<'_>) -> Option<String> {
+/// Reads why something is marked as bad.
+pub fn read_reason(field: &Field<'_>) -> Option<String> {
     let reason = field.text()?;
     let length = reason.chars().count();
     if reason.trim().is_empty() || length > MAX_REASON_CHARS || reason.contains('\0') {
