@@ -68,7 +68,11 @@ pub fn simulate<S: Sink>(
         .enumerate()
         .flat_map(|(run, BatchRun { excitation, .. })| {
             let sizes = plant.block_sizes(excitation.accuracy);
-            let size = at_work.block_size(sizes, first.candidates.len(), runs.len());
+            let size = if plant.runs_freely(excitation.samples) && first.in_step == 0 {
+                at_work.queue(first.candidates.len(), runs.len())
+            } else {
+                at_work.block_size(sizes, first.candidates.len(), runs.len())
+            };
             let excitation = *excitation;
             order.blocks(size).map(move |(members, in_step)| BlockTask {
                 plant,
@@ -145,6 +149,13 @@ impl AtWork {
         let has_threads = |size: &&usize| runs * candidates.div_ceil(**size) <= self.threads;
         let chosen = sizes.iter().find(has_threads).or(sizes.last());
         chosen.copied().unwrap_or(LANES)
+    }
+
+    /// How many candidates that run by themselves are in one block, so that there is one for each thread.
+    /// No bit of a result depends on it.
+    fn queue(&self, candidates: usize, runs: usize) -> usize {
+        let of_run = self.threads.div_ceil(runs).max(1);
+        candidates.div_ceil(of_run).next_multiple_of(LANES)
     }
 }
 

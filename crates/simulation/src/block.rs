@@ -9,8 +9,9 @@
 //! twice as many side by side.
 
 use super::equations::{Equations, HeldQuantities, Sample, System};
+use super::impossible::ImpossibleRow;
 use super::input_delay::{HeldStretch, InputDelay};
-use super::steps::{Integrator, LARGEST_NUMBER, RowCandidates};
+use super::steps::{Integrator, RowCandidates, Stretch};
 use super::{Accuracy, BlockSimulator, CandidateBlock, DrivingInputs, SimulationFailure};
 use greybox_numerics::lanes::{LANES, Lanes, Real, SINGLE_LANES, Scalar};
 use greybox_numerics::width::{Wide, Width};
@@ -194,8 +195,9 @@ impl<'a, P: System, T: Scalar, const N: usize> SimulationBlock<'a, P, T, N> {
             if index > 0 {
                 self.equations.act(held);
             }
+            let stretch = Stretch { held, duration };
             self.integrator
-                .integrate(&mut self.equations, held, duration, stop)?;
+                .integrate(&mut self.equations, stretch, None, stop)?;
         }
         Some(())
     }
@@ -213,31 +215,17 @@ impl<'a, P: System, T: Scalar, const N: usize> SimulationBlock<'a, P, T, N> {
         };
         self.equations.act(acting);
         let states = &self.integrator.states;
-        self.equations.outputs(states, row);
-        let mut largest = Lanes::splat(0.0);
-        for number in states.as_ref().iter().chain(&*row) {
-            // A sum, so that what is not a number stays.
-            largest += number.abs();
-        }
-        let validity = self.equations.validity(states);
-        // A size that is not a number is not below the limit either.
-        let limit = Lanes::splat(LARGEST_NUMBER);
-        let (zero, one) = (Lanes::splat(0.0), Lanes::splat(1.0));
-        let is_beyond = limit.select_ge(largest, zero, one);
-        let is_outside = validity.select_ge(zero, zero, one);
-        if (is_beyond + is_outside).any_above(0.5) {
-            self.fail_impossible(&largest, &validity);
+        if let Some(impossible) = ImpossibleRow::at(&mut self.equations, states, row) {
+            self.fail_impossible(&impossible);
         }
         self.blank_failed_lanes(row);
     }
 
     #[inline(never)]
-    fn fail_impossible(&mut self, largest: &Lanes<T, N>, validity: &Lanes<T, N>) {
+    fn fail_impossible(&mut self, impossible: &ImpossibleRow<Lanes<T, N>>) {
         for lane in 0..N {
-            if largest.lane(lane).is_nan() || largest.lane(lane) > LARGEST_NUMBER {
-                self.fail(lane, SimulationFailure::Diverged);
-            } else if validity.lane(lane) < 0.0 {
-                self.fail(lane, SimulationFailure::OutOfRange);
+            if let Some(failure) = impossible.failure(lane) {
+                self.fail(lane, failure);
             }
         }
     }

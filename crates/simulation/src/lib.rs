@@ -12,6 +12,8 @@ pub mod equations;
 mod explicit;
 mod factors;
 pub mod filter;
+mod free_block;
+mod impossible;
 mod input_delay;
 pub(crate) mod language;
 pub mod model;
@@ -172,6 +174,11 @@ pub trait Plant: Send + Sync {
     /// time for each candidate, a smaller one less for the whole block.
     fn block_sizes(&self, _accuracy: Accuracy) -> &'static [usize] {
         &[LANES]
+    }
+    /// Whether candidates go through a recording of so many samples each by itself, so that a block may
+    /// hold any number of them: nothing acts on the plant from outside.
+    fn runs_freely(&self, _samples: usize) -> bool {
+        false
     }
     /// Starts a block of candidates, at most as many as the largest holds.
     fn simulator<'a>(

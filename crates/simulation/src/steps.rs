@@ -12,7 +12,9 @@
 //! method until its steps are short against its fastest rate again. One whose accuracy limits its
 //! steps, and that takes many of them from sample to sample, goes on with the method of eighth order.
 
+mod arrivals;
 mod exact;
+mod look;
 mod smooth;
 
 use super::equations::{Equations, HeldQuantities, Shares, System};
@@ -43,10 +45,6 @@ const FIRST_LOOK: u32 = 48;
 const FIRST_LOOK_WHERE_UNDISTURBED: u32 = 16;
 const LOOK_EVERY: u32 = 8;
 
-/// Steps are limited by stability where their length times the fastest rate is beyond this: the
-/// explicit method ends to be stable at 2.78.
-const STIFF: f64 = 1.5;
-
 /// A candidate is stiff that shows it at so many looks in a row, twice as many each time that it
 /// has left the stiff method, up to a limit.
 const STIFF_LOOKS: u8 = 3;
@@ -61,14 +59,6 @@ const EXPLICIT_DERIVATIVES: f64 = 2.2;
 /// ... so many steps in a row.
 const CALM_STEPS: u8 = 8;
 
-/// A step does not get on that is shorter than rounding leaves of the time since its stretch began,
-/// or, where that has just begun, than this share of the stretch.
-const SHORTEST: f64 = 1e-30;
-
-/// A state that would grow to so many times its size in the time since its stretch began has
-/// diverged.
-const RUNAWAY: f64 = 1e9;
-
 /// Derivatives that one candidate may spend over a recording: a part for each sample, and a part
 /// for all. A count and not a time, so that the outcome does not depend on the machine's load.
 const BUDGET: f64 = 2e6;
@@ -78,9 +68,6 @@ const BUDGET_OF_SAMPLE: f64 = 4e3;
 /// extreme ones (a rate of 1e5 a minute, an exponent of 1000) would else cost more than thousands of others.
 const COARSE_BUDGET: f64 = 5e4;
 const COARSE_BUDGET_OF_SAMPLE: f64 = 1e3;
-
-/// No quantity of a plant is larger than this in SI units.
-pub const LARGEST_NUMBER: f64 = 1e30;
 
 /// The candidates that a row is made of.
 pub struct RowCandidates<'a, P: System, R> {
@@ -133,6 +120,28 @@ pub struct Integrator<'a, P: System + 'a, R: Real> {
 }
 
 /// A stretch of time over which the held quantities do not jump.
+#[derive(Clone, Copy, Debug)]
+pub struct Stretch<'s, R> {
+    /// What is held.
+    pub held: &'s HeldQuantities<R>,
+    /// How long it is for each candidate `[s]`.
+    pub duration: R,
+}
+
+/// What follows where candidates of which each runs by itself come to the end of their stretch: nothing
+/// acts on their plant from outside, so that none need wait for the others.
+pub trait Arrivals<'a, P: System, R: Real> {
+    /// Takes note of the candidates that have arrived, and answers how long the next stretch of each is
+    /// `[s]`, 0 where there is none. A candidate that cannot go on is marked.
+    fn next(
+        &mut self,
+        integrator: &mut Integrator<'a, P, R>,
+        equations: &mut P::Row<'a, R>,
+        has_arrived: &[bool],
+    ) -> R;
+}
+
+/// A stretch that is under way.
 struct IntegratedStretch<'s, R> {
     held: &'s HeldQuantities<R>,
     duration: R,
@@ -140,6 +149,25 @@ struct IntegratedStretch<'s, R> {
     remaining: R,
     /// Whether the exact equations know what is held.
     is_exact: bool,
+    /// Trials of the row.
+    trials: u32,
+    /// How many there were before the stretch of each candidate; all 0 where none runs by itself.
+    trials_before: [u32; MOST],
+    runs_free: bool,
+}
+
+impl<R: Real> IntegratedStretch<'_, R> {
+    /// Trials of a candidate in its stretch.
+    fn trials_of(&self, lane: usize) -> u32 {
+        self.trials - self.trials_before[lane]
+    }
+
+    /// Whether a condition holds for the trials of a candidate.
+    #[inline(always)]
+    fn any_trials(&self, condition: impl Fn(u32) -> bool) -> bool {
+        let lanes = if self.runs_free { R::WIDTH } else { 1 };
+        (0..lanes).any(|lane| condition(self.trials_of(lane)))
+    }
 }
 
 /// One trial of a step by every candidate.
@@ -221,20 +249,25 @@ impl<'a, P: System, R: Real> Integrator<'a, P, R> {
         taken.sum::<f64>() as u64
     }
 
+    /// Derivatives taken by a candidate.
+    pub fn derivatives_of(&self, lane: usize) -> u64 {
+        self.derivatives.lane(lane) as u64
+    }
+
     /// Marks a candidate, which stays where it is.
     pub fn fail(&mut self, lane: usize, failure: SimulationFailure) {
         self.failures[lane].get_or_insert(failure);
         self.has_failed = true;
     }
 
-    /// Goes on for `duration` under what is held, which `equations` know. Answers nothing when
-    /// `stop` was raised.
+    /// Goes on for a stretch under what is held, which `equations` know, and for those that follow
+    /// where candidates run by themselves. Answers nothing when `stop` was raised.
     #[inline(always)]
     pub fn integrate(
         &mut self,
         equations: &mut P::Row<'a, R>,
-        held: &HeldQuantities<R>,
-        duration: R,
+        Stretch { held, duration }: Stretch<'_, R>,
+        mut arrivals: Option<&mut dyn Arrivals<'a, P, R>>,
         stop: &AtomicBool,
     ) -> Option<()> {
         let mut stretch = IntegratedStretch {
@@ -242,6 +275,9 @@ impl<'a, P: System, R: Real> Integrator<'a, P, R> {
             duration,
             remaining: duration,
             is_exact: false,
+            trials: 0,
+            trials_before: [0; MOST],
+            runs_free: arrivals.is_some(),
         };
         if self.has_failed {
             for lane in (0..R::WIDTH).filter(|lane| self.failures[*lane].is_some()) {
@@ -253,7 +289,6 @@ impl<'a, P: System, R: Real> Integrator<'a, P, R> {
         if self.has_new {
             self.choose_first_lengths(duration);
         }
-        let mut trials = 0_u32;
         while stretch.remaining.any_above(0.0) {
             let mut trial = StepTrial {
                 elapsed: stretch.duration - stretch.remaining,
@@ -267,16 +302,21 @@ impl<'a, P: System, R: Real> Integrator<'a, P, R> {
                 self.try_stiff(&mut stretch, &mut trial);
             }
             self.accept(&mut stretch, &mut trial);
-            trials += 1;
+            stretch.trials += 1;
             if self.smooth.is_some() {
-                self.choose_order(&stretch, &trial, trials);
+                self.choose_order(&stretch, &trial);
             }
-            let is_looked_at = trials >= self.first_look && trials.is_multiple_of(LOOK_EVERY);
+            let first_look = self.first_look;
+            let is_looked_at = stretch
+                .any_trials(|trials| trials >= first_look && trials.is_multiple_of(LOOK_EVERY));
             if (is_looked_at || self.has_stiff) && stop.load(Ordering::Relaxed) {
                 return None;
             }
             if is_looked_at {
                 self.look(&mut stretch, &trial);
+            }
+            if let Some(arrivals) = &mut arrivals {
+                self.arrive(*arrivals, equations, &mut stretch);
             }
         }
         Some(())
@@ -419,72 +459,6 @@ impl<'a, P: System, R: Real> Integrator<'a, P, R> {
                 let length = f64::max(0.01 / rate, shortest).min(longest);
                 self.length.set_lane(lane, length);
             }
-        }
-    }
-
-    /// Looks at candidates that take many steps: those that do not get on fail, and those whose
-    /// steps are limited by stability go on with the stiff method.
-    #[inline(never)]
-    fn look(&mut self, stretch: &mut IntegratedStretch<'_, R>, trial: &StepTrial<R>) {
-        let rates = self
-            .stages
-            .squared_rate_times_length(&self.weights, trial.taken);
-        for lane in 0..R::WIDTH {
-            if stretch.remaining.lane(lane) <= 0.0 {
-                continue;
-            }
-            let duration = stretch.duration.lane(lane);
-            let elapsed = duration - stretch.remaining.lane(lane);
-            let shortest = (f64::EPSILON * elapsed).max(SHORTEST * duration);
-            let failure = if self.length.lane(lane) < shortest {
-                Some(self.why_too_short(lane, elapsed))
-            } else if self.derivatives.lane(lane) > self.budget {
-                Some(SimulationFailure::StepBudget)
-            } else {
-                None
-            };
-            if let Some(failure) = failure {
-                self.fail(lane, failure);
-                stretch.remaining.set_lane(lane, 0.0);
-            } else if !self.is_stiff[lane] {
-                let limit = STIFF * self.stable_for(lane);
-                let shows_it = u8::from(rates.lane(lane) > limit * limit);
-                self.stiff_looks[lane] = shows_it * self.stiff_looks[lane].saturating_add(1);
-                self.is_stiff[lane] = self.stiff_looks[lane] >= self.stiff_looks_needed[lane];
-                self.calm_steps[lane] = 0;
-            }
-        }
-        self.follow_the_first(stretch);
-        self.has_stiff = self.is_stiff.contains(&true);
-        self.leave_to_the_stiff();
-    }
-
-    /// Has following candidates use the method of the first candidate, and fail with it.
-    fn follow_the_first(&mut self, stretch: &mut IntegratedStretch<'_, R>) {
-        if !self.source.follow {
-            return;
-        }
-        for lane in 1..R::WIDTH {
-            self.is_stiff[lane] = self.is_stiff[0];
-            if let Some(failure) = self.failures[0] {
-                self.fail(lane, failure);
-                stretch.remaining.set_lane(lane, 0.0);
-            }
-        }
-    }
-
-    /// A state has diverged that moves so fast that the time so far would take it away.
-    fn why_too_short(&self, lane: usize, elapsed: f64) -> SimulationFailure {
-        let states = self.states.as_ref().iter().zip(self.sizes.as_ref());
-        let slopes = self.stages.first.as_ref().iter();
-        let stays = |((state, size), slope): ((&R, &R), &R)| {
-            let size = state.lane(lane).abs().max(size.lane(lane));
-            (slope.lane(lane) * elapsed).abs() <= RUNAWAY * size
-        };
-        if states.zip(slopes).all(stays) {
-            SimulationFailure::Tolerance
-        } else {
-            SimulationFailure::Diverged
         }
     }
 }

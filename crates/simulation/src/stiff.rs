@@ -138,8 +138,7 @@ impl Rosenbrock {
     /// Room for a plant with so many states.
     pub fn new(n_states: usize) -> Rosenbrock {
         let zeros = || vec![Lanes::splat(0.0); n_states];
-        // No direction of a plant is at right angles to this one.
-        let direction = (0..n_states).map(|state| Lanes::splat(1.0 + 0.1 * state as f64));
+        let direction = (0..n_states).map(|state| Lanes::splat(first_direction(state)));
         Rosenbrock {
             factors: Factors::new(n_states),
             stages: std::array::from_fn(|_| zeros()),
@@ -148,6 +147,14 @@ impl Rosenbrock {
             image: zeros(),
             stretch_before: Lanes::splat(0.0),
         }
+    }
+
+    /// Forgets the direction of a candidate.
+    pub fn begin(&mut self, lane: usize) {
+        for (state, part) in self.direction.iter_mut().enumerate() {
+            part.set_lane(lane, first_direction(state));
+        }
+        self.stretch_before.set_lane(lane, 0.0);
     }
 
     /// Takes a step, and writes where it leads.
@@ -215,6 +222,12 @@ impl Rosenbrock {
             rate_times_length: fastest * length,
         }
     }
+}
+
+/// A state's part of the direction that is followed at first: no direction of a plant is at right angles
+/// to it.
+fn first_direction(state: usize) -> f64 {
+    1.0 + 0.1 * state as f64
 }
 
 /// By how much a matrix stretches a direction, which is replaced by where the matrix takes it, in

@@ -11,6 +11,7 @@ use crate::block::SimulationBlock;
 use crate::equations::{Equations, HeldQuantities};
 use crate::input_delay::HeldStretch;
 use crate::program::{DisturbanceKind, Program};
+use crate::steps::Stretch;
 use crate::{
     BlockSimulator, CandidateBlock, DrivingInputs, Plant, SimulatedCandidate, SimulationFailure,
 };
@@ -363,7 +364,11 @@ impl<'a> FilterBlock<'a> {
             integrator,
             ..
         } = &mut self.block;
-        integrator.integrate(equations, held, length, stop)?;
+        let stretch = Stretch {
+            held,
+            duration: length,
+        };
+        integrator.integrate(equations, stretch, None, stop)?;
         self.take_jacobian(2, length);
         self.take_end(1);
         // Between them the mean is a cubic through both ends and their slopes.

@@ -20,8 +20,10 @@ pub use disturbed::{ActsOn, Disturbance, DisturbanceKind};
 pub use probed::{Losses, Probes};
 pub use rewrite::{EquationGraph, Roots};
 
+use super::batch::WINDOW_SAMPLES;
 use super::block::SimulationBlock;
 use super::equations::{Equations, HeldQuantities, System};
+use super::free_block::FreeBlock;
 use super::input_delay::SAME;
 use super::{BlockSimulator, CandidateBlock, DrivingInputs, Plant};
 use crate::language::operation::LookupTable;
@@ -271,6 +273,13 @@ impl Plant for Program {
         spectral_radius(states.len(), &matrix)
     }
 
+    fn runs_freely(&self, samples: usize) -> bool {
+        let wiring = &self.compiled.wiring;
+        let is_undisturbed = wiring.inputs.is_empty() && wiring.sampled.is_empty();
+        let is_delayed = self.compiled.lists.roots.delay.is_some();
+        is_undisturbed && !is_delayed && samples <= WINDOW_SAMPLES
+    }
+
     fn specialised(&self, fixed: &[Option<f64>]) -> Option<Arc<dyn Plant>> {
         Some(Arc::new(self.with_fixed(fixed)))
     }
@@ -281,6 +290,10 @@ impl Plant for Program {
         candidates: CandidateBlock<'_>,
     ) -> Box<dyn BlockSimulator + 'a> {
         let width = Width::widest();
+        if self.runs_freely(excitation.samples) && !candidates.in_step {
+            let members = candidates.members;
+            return Box::new(FreeBlock::new(self, excitation, members, width));
+        }
         Box::new(SimulationBlock::<_, f64, LANES>::new(
             self, excitation, candidates, width,
         ))

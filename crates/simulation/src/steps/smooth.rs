@@ -70,13 +70,13 @@ impl<'a, P: System, R: Real> Integrator<'a, P, R> {
         &mut self,
         stretch: &IntegratedStretch<'_, R>,
         trial: &StepTrial<R>,
-        trials: u32,
     ) {
         let Some(smooth) = self.smooth.as_deref_mut() else {
             return;
         };
-        let are_many = trials.is_multiple_of(MANY_TRIALS);
-        if !are_many && (trials > 1 || !smooth.is_used) {
+        let are_many = |trials: u32| trials.is_multiple_of(MANY_TRIALS);
+        let is_used = smooth.is_used;
+        if !stretch.any_trials(|trials| are_many(trials) || (trials == 1 && is_used)) {
             return;
         }
         let rates = self
@@ -92,7 +92,8 @@ impl<'a, P: System, R: Real> Integrator<'a, P, R> {
             let moves = stretch.remaining.lane(lane) > 0.0;
             let uses_it = smooth.candidates.lane(lane) > 0.0;
             let is_slow = rates.lane(lane) < ACCURACY_LIMITS * ACCURACY_LIMITS;
-            if are_many && moves && !uses_it && !self.is_stiff[lane] && is_slow {
+            let trials = stretch.trials_of(lane);
+            if are_many(trials) && moves && !uses_it && !self.is_stiff[lane] && is_slow {
                 smooth.candidates.set_lane(lane, 1.0);
                 self.length.set_lane(lane, FIRST_FACTOR * length);
             } else if trials == 1 && !moves && uses_it && length >= LARGEST_FACTOR * duration {

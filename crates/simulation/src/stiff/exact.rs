@@ -34,6 +34,12 @@ impl<E: Equations<Lanes>> Exact<E> {
         }
     }
 
+    /// Puts a candidate into the place of another; the equations are those of all.
+    pub fn replace(&mut self, lane: usize, equations: E) {
+        self.equations = equations;
+        self.rosenbrock.begin(lane);
+    }
+
     /// Takes over where the candidates of a row from `first` on are.
     pub fn load<R: Real, S: AsRef<[R]>>(&mut self, from: Sum<'_, S>, weights: &S, first: usize) {
         let sums = from.states.as_ref().iter().zip(from.excess.as_ref());
