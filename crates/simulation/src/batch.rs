@@ -155,7 +155,10 @@ impl AtWork {
     /// No bit of a result depends on it.
     fn queue(&self, candidates: usize, runs: usize) -> usize {
         let of_run = self.threads.div_ceil(runs).max(1);
-        candidates.div_ceil(of_run).next_multiple_of(LANES)
+        candidates
+            .div_ceil(of_run)
+            .next_multiple_of(LANES)
+            .max(LANES)
     }
 }
 
