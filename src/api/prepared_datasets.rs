@@ -53,7 +53,7 @@ pub struct RecipeDocument {
     steps: Vec<PreparationStep>,
 }
 
-/// How to treat a recipe.
+/// A recipe is made into a recording, or looked at.
 #[derive(IntoParams)]
 #[into_params(parameter_in = Query)]
 pub struct PrepareQuery {

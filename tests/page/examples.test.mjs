@@ -149,7 +149,7 @@ async function clicked(chapter) {
     );
   }
 
-  // What the text sends a reader to is on the form or on the page of the job.
+  // The form or the page of the job has everything that the text sends a reader to.
   await page.waitForSelector(".verdict .grade", PATIENCE);
   await page.waitForNetworkIdle({ idleTime: 400, ...PATIENCE });
   const shown = `${form} ${await textOf(page)}`.toLowerCase();

@@ -194,7 +194,7 @@ async function unexplainedIn(name, id) {
   };
 }
 
-// Of the numbers that are looked for by their place, hardly one stands there with another last digit.
+// Hardly a number that is looked for by its place stands there with another last digit.
 const MOST_NEIGHBOURS = 0.01;
 
 test("every number of a job's report is what the API has for its place", { skip }, async (t) => {
