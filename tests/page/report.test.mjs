@@ -8,7 +8,7 @@ import { after, before, test } from "node:test";
 import { launch, open, PATIENCE, tools } from "./browser.mjs";
 import { api, jobsOfAllKinds, jobWithSamplesLeftOut } from "./kinds.mjs";
 import { digitsOf, isRounded, judge, neighbourOf, signedIn } from "./numbers.mjs";
-import { isOnAxis } from "./report_charts.mjs";
+import { isOnAxis, unknownsOf } from "./report_charts.mjs";
 import { sourceOf } from "./report_places.mjs";
 import { base, ended } from "./server.mjs";
 
@@ -209,4 +209,19 @@ test("every number of a job's report is what the API has for its place", { skip 
   }
   assert.equal(reports.length, 10);
   t.diagnostic(judge(reports, MOST_NEIGHBOURS));
+});
+
+test("the verdict says of noise what the table of the estimates says", { skip }, async () => {
+  let checked = 0;
+  for (const id of Object.values(shared.jobs)) {
+    const result = await api(`/v1/jobs/${id}/result`);
+    const reasons = (result.verdict?.reasons ?? []).filter(({ code }) => code === "wide_interval");
+    for (const { detail } of reasons) {
+      const [, name, written] = /^noise leaves `(.+?)` a standard error of ([\d.e-]+)/.exec(detail);
+      const { standard_error: error } = unknownsOf(result).find(({ key }) => key === name);
+      assert.ok(isRounded(written, error), `${detail}; the table has ${error}`);
+      checked += 1;
+    }
+  }
+  assert.ok(checked > 0, "no interval is wide");
 });

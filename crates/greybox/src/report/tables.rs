@@ -319,7 +319,7 @@ pub fn correlation(page: &mut String, outcome: &Outcome) {
         return;
     };
     page.push_str(
-        "<section>\n<h2>Correlation of the estimates</h2>\n<div class=\"scroll\"><table>\n\
+        "<section>\n<h2>Correlation of the estimates</h2>\n<div class=\"scroll\"><table class=\"unknowns\">\n\
          <thead><tr><th>correlation [1]</th>",
     );
     for name in &correlation.names {
@@ -394,7 +394,7 @@ pub fn starts(page: &mut String, outcome: &Outcome) {
         return;
     };
     page.push_str(
-        "<section>\n<h2>Starts of the refinement</h2>\n<div class=\"scroll\"><table>\n<thead><tr>\
+        "<section>\n<h2>Starts of the refinement</h2>\n<div class=\"scroll\"><table class=\"unknowns\">\n<thead><tr>\
          <th>cost</th><th>from</th>",
     );
     for name in first.parameters.keys() {
