@@ -40,15 +40,25 @@ pub struct SamplesQuery {
 
 impl FromQuery for SamplesQuery {
     fn read(query: &mut QueryReader) -> Self {
-        let signals = query.text("signals");
         let (from, to) = query.interval();
         Self {
-            signals: signals.map(|names| names.split(',').map(str::to_owned).collect()),
+            signals: named_signals(query),
             from,
             to,
-            max_points: query.integer("max_points", 2, MAX_POINTS),
+            max_points: max_points(query),
         }
     }
+}
+
+/// The names of the signals whose samples are wanted.
+pub(super) fn named_signals(query: &mut QueryReader) -> Option<Vec<String>> {
+    let names = query.text("signals");
+    names.map(|names| names.split(',').map(str::to_owned).collect())
+}
+
+/// The points of a plot that are wanted at the most.
+pub(super) fn max_points(query: &mut QueryReader) -> Option<u64> {
+    query.integer("max_points", 2, MAX_POINTS)
 }
 
 /// Read samples: decimated for plots as JSON, or all of them as CSV.
@@ -85,8 +95,7 @@ pub async fn samples(
         )
         .await;
     }
-    let points = query.max_points.unwrap_or(DEFAULT_POINTS);
-    let points = usize::try_from(points).expect("the limit is small");
+    let points = points(query.max_points);
     let written = bodies.work.convert_bytes(recording.bytes(), move || {
         let _permit = permit;
         let names = query.signals.as_deref();
@@ -96,7 +105,14 @@ pub async fn samples(
     written.await
 }
 
-fn check_names(recording: &Recording, names: Option<&[String]>) -> Answer<()> {
+/// The points of a plot at the most.
+pub(super) fn points(wanted: Option<u64>) -> usize {
+    let points = wanted.unwrap_or(DEFAULT_POINTS);
+    usize::try_from(points).expect("the limit is small")
+}
+
+/// Refuses names of signals that a recording does not have.
+pub(super) fn check_names(recording: &Recording, names: Option<&[String]>) -> Answer<()> {
     let names = names.into_iter().flatten();
     let unknown = names.filter(|name| recording.signal(name).is_none());
     let faults: Vec<Fault> = unknown

@@ -53,19 +53,23 @@ pub struct Dataset {
 
 impl Dataset {
     fn new(row: &DatasetRow, version: u32) -> Self {
-        let mut summary = row.summary.clone();
-        for signal in &mut summary.signals {
-            signal.conversion = intake::conversion(&signal.recorded_unit);
-        }
         Self {
             id: row.id,
             name: row.name.clone(),
             digest: row.digest.clone(),
-            summary,
+            summary: with_conversions(row.summary.clone()),
             version,
             created_at: row.created_at,
         }
     }
+}
+
+/// The summary with the way from the unit of each signal to SI.
+pub(super) fn with_conversions(mut summary: Summary) -> Summary {
+    for signal in &mut summary.signals {
+        signal.conversion = intake::conversion(&signal.recorded_unit);
+    }
+    summary
 }
 
 /// What the recording itself does not say.

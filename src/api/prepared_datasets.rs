@@ -3,22 +3,25 @@
 use std::collections::BTreeSet;
 
 use axum::extract::State;
+use axum::http::StatusCode;
 use serde::Serialize;
 use sha2::{Digest, Sha256};
-use utoipa::ToSchema;
+use utoipa::{IntoParams, ToSchema};
 
 use super::body::{Bodies, JsonDocument};
 use super::client::Client;
-use super::datasets::{Dataset, digest, stored};
+use super::dataset_samples::{check_names, max_points, named_signals, points};
+use super::datasets::{Dataset, digest, stored, with_conversions};
 use super::error::{Answer, Kind, Problem};
 use super::extract::{Named, PathName as _};
-use super::query::{NoQuery, Params};
+use super::http_headers::json;
+use super::query::{FromQuery, Params, QueryReader};
 use crate::store::NewDataset;
 use greybox::identification::DatasetId;
 use greybox::identification::spec::{MAX_NAME_CHARS, MAX_VERSION};
 use greybox::parsing::Fault;
 use greybox::preparation::{MAX_VALUES, PreparationStep, Recipe, prepare, read_recipe};
-use greybox::recording::{Exclude, Mark, Recording, RecordingSource};
+use greybox::recording::{Exclude, Mark, Recording, RecordingSource, Samples, Summary};
 
 /// The format of recordings that were prepared here.
 const FORMAT: &str = "prepared";
@@ -50,26 +53,90 @@ pub struct RecipeDocument {
     steps: Vec<PreparationStep>,
 }
 
+/// A recipe is made into a recording, or looked at.
+#[derive(IntoParams)]
+#[into_params(parameter_in = Query)]
+pub struct PrepareQuery {
+    /// Say what would be made, and store nothing.
+    #[param(required = false)]
+    pub validate_only: bool,
+    /// With `validate_only`: the signals whose samples are shown, separated by commas; all when absent.
+    #[param(value_type = Option<String>, example = "reference,position")]
+    pub signals: Option<Vec<String>>,
+    /// With `validate_only`: points at the most; the extremes of each stretch are kept.
+    #[param(minimum = 2, maximum = 100_000, default = 2000)]
+    pub max_points: Option<u64>,
+}
+
+impl FromQuery for PrepareQuery {
+    fn read(query: &mut QueryReader) -> Self {
+        let asked = Self {
+            validate_only: query.flag("validate_only"),
+            signals: named_signals(query),
+            max_points: max_points(query),
+        };
+        let of_samples = [
+            ("signals", asked.signals.is_some()),
+            ("max_points", asked.max_points.is_some()),
+        ];
+        for (parameter, _) in of_samples.into_iter().filter(|(_, is_given)| *is_given) {
+            if !asked.validate_only {
+                let detail = "samples are answered with `validate_only` alone".to_owned();
+                query.fault(parameter, "invalid_parameter", detail);
+            }
+        }
+        asked
+    }
+}
+
+/// The recording that a recipe would make.
+#[derive(Serialize, ToSchema)]
+pub struct PreparedPreview {
+    /// What the recording would hold.
+    #[serde(flatten)]
+    summary: Summary,
+    /// The samples that the recording would have, thinned out for plots.
+    thinned: Samples,
+}
+
+/// The answer where nothing is stored.
+#[derive(Serialize, ToSchema)]
+#[serde(untagged)]
+#[allow(
+    dead_code,
+    reason = "it describes two documents that are answered each by itself"
+)]
+pub enum NothingStored {
+    /// The recording that the same steps made before.
+    Earlier(Dataset),
+    /// The recording that the steps would make.
+    Preview(PreparedPreview),
+}
+
 /// Prepare a recording: make another one of it, step by step.
 ///
 /// The recording stays as it is. The one that is made has the steps in its `source` and, in words, in its report; the
 /// samples that the version marks as bad are missing before the first step. The same steps of the same version give
-/// the same recording. To change a step, make another recording with other steps.
+/// the same recording. To change a step, make another recording with other steps. With `validate_only` nothing is
+/// stored: the answer is the report that the recording would have, and some of its samples.
 #[utoipa::path(
     post, path = "/v1/datasets/{id}/prepared", operation_id = "prepare_dataset", tag = "datasets",
-    params(("id" = DatasetId, Path, description = "The recording that the steps begin with")),
+    params(
+        ("id" = DatasetId, Path, description = "The recording that the steps begin with"),
+        PrepareQuery
+    ),
     request_body(content = RecipeDocument, content_type = "application/json"),
     responses(
         (status = 201, description = "The prepared recording is stored", body = Dataset,
          headers(("Location" = String, description = "Where the prepared recording is"))),
-        (status = 200, description = "The same steps were done before: the same recording", body = Dataset,
-         headers(("Location" = String, description = "Where the prepared recording is")))
+        (status = 200, description = "The same steps were done before: the same recording. With `validate_only`: \
+                                      what the recording would be", body = NothingStored)
     )
 )]
 pub async fn create(
     State(bodies): State<Bodies>,
     Named(id): Named<DatasetId>,
-    _query: Params<NoQuery>,
+    Params(query): Params<PrepareQuery>,
     client: Client,
     document: JsonDocument,
 ) -> Answer {
@@ -96,6 +163,14 @@ pub async fn create(
     let permit = bodies.work.recording_permit().await?;
     let recording = bodies.datasets.recording(id).await?;
     let recording = recording.ok_or_else(|| id.not_found())?;
+    if query.validate_only {
+        let previewed = bodies.work.convert_bytes(recording.bytes(), move || {
+            let _permit = permit;
+            let prepared = prepared(&recording, &version.marks, &recipe)?;
+            preview(&prepared, &query)
+        });
+        return previewed.await;
+    }
     let name = recipe.name.clone().or_else(|| row.name.clone());
     let source = source(id, version.number, &recipe);
     let given = [
@@ -105,8 +180,7 @@ pub async fn create(
     ];
     let digest = digest(Sha256::new_with_prefix(&row.digest), &given);
     let made = bodies.work.convert_bytes(recording.bytes(), move || {
-        let prepared = prepare(without(&recording, &version.marks), &recipe.steps);
-        let mut prepared = prepared.map_err(Problem::of_document)?;
+        let mut prepared = prepared(&recording, &version.marks, &recipe)?;
         prepared.source = source;
         prepared.name.clone_from(&name);
         let summary = prepared.summary();
@@ -148,6 +222,23 @@ async fn version_of(bodies: &Bodies, id: DatasetId, wanted: Option<u32>) -> Answ
             Err(Problem::of_document(vec![fault]))
         }
     }
+}
+
+/// The recording as the steps leave it, which begin without the samples that are marked.
+fn prepared(recording: &Recording, marks: &[Mark], recipe: &Recipe) -> Answer<Recording> {
+    let prepared = prepare(without(recording, marks), &recipe.steps);
+    prepared.map_err(Problem::of_document)
+}
+
+/// The answer on a recording that would be made.
+fn preview(prepared: &Recording, query: &PrepareQuery) -> Answer {
+    let names = query.signals.as_deref();
+    check_names(prepared, names)?;
+    let preview = PreparedPreview {
+        summary: with_conversions(prepared.summary()),
+        thinned: prepared.decimate(names, None, None, points(query.max_points)),
+    };
+    Ok(json(StatusCode::OK, &preview))
 }
 
 /// The recording without the samples that are marked.

@@ -40,9 +40,8 @@ fn estimates(outcome: &Outcome, truths: Option<&[(String, f64)]>) -> String {
         table.add_row(row(name, &parameter.unit, &parameter.estimate, truth));
     }
     for state in &outcome.initial_states {
-        let name = format!("{} at the start of {}", state.state, state.experiment);
         let truth = truths.map(|_| None);
-        table.add_row(row(name, &state.unit, &state.estimate, truth));
+        table.add_row(row(state.label(), &state.unit, &state.estimate, truth));
     }
     table.trim_fmt()
 }

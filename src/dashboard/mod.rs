@@ -143,7 +143,7 @@ static ASSETS: LazyLock<Vec<Asset>> = LazyLock::new(|| {
 fn embedded() -> impl IntoIterator<Item = Asset> { assets! {
     "compare": "differences.js" "jobs.js" "kinds.js" "methods.js" "outputs.js";
     "data": "datasets.js" "layout.js" "layouts.js" "lines.js" "mark_form.js" "marking.js" "marks.css" "marks.js" "options.js" "plots.js"
-        "preparing.js" "quality.js" "recipe.js" "roles.js" "units.js" "upload.js" "versions.js";
+        "preparing.js" "preview.js" "quality.js" "recipe.js" "roles.js" "units.js" "upload.js" "versions.js";
     "docs": "guide.css" "matching.js" "reference.js" "search.js";
     "job": "ancestry.js" "budget.js" "contents.js" "correlation.js" "design.js" "disturbance.js" "disturbance_words.js" "effects.js"
         "feed.js" "heat.js" "influence.js" "job.css" "job.js" "live.js" "moves.js" "naming.js" "plain.js" "posterior.js" "profiles.js"

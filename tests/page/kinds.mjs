@@ -155,6 +155,49 @@ export async function jobWithOwnParameters() {
 }
 
 /**
+ * The job of a lag of the unit 1 that goes to and fro many times. Its window is given by instants, and it does without
+ * samples that a version of the recording marks, and without those that it names itself.
+ */
+export async function jobWithSamplesLeftOut() {
+  let level = 2;
+  const rows = Array.from({ length: 2000 }, (_, k) => {
+    const u = 1 + 0.5 * Math.sign(Math.sin(0.15 * k + 0.05)) * (1 + 0.2 * Math.sin(k / 900));
+    const read = (level + 0.01 * (((k * 7919) % 101) / 50 - 1)).toFixed(4);
+    level = 2 * u + Math.exp(-0.1) * (level - 2 * u);
+    return `${new Date(Date.parse(START) + 10 * k).toISOString()},${u.toFixed(4)},${read}`;
+  });
+  const csv = `time,u [-],y [-]\n${rows.join("\n")}\n`;
+  const { id: dataset } = await post("/v1/datasets?name=to%20and%20fro", csv, "text/csv");
+  await post(`/v1/datasets/${dataset}/versions`, {
+    based_on: 0,
+    marks: [{ from_s: 7.25, to_s: 7.75, signals: ["y"], reason: "plug 3 was loose" }],
+  });
+  const instant = (seconds) => new Date(Date.parse(START) + 1000 * seconds).toISOString();
+  return submitted({
+    name: "to and fro",
+    note: "Measured with 2 amplifiers.",
+    model: "first_order_dead_time",
+    experiments: [
+      {
+        dataset,
+        window: { from: instant(1.5), to: instant(18.5) },
+        exclude: { classes: ["spike"], spans: [{ from_s: 10.125, to_s: 10.625 }] },
+        initial_state: { lagged: { estimate: { lower: 0, upper: 6 } } },
+      },
+    ],
+    parameters: {
+      gain: { estimate: { lower: 1, upper: 4 } },
+      time_constant: { estimate: { lower: 0.01, upper: 1 } },
+      dead_time: { value: 0 },
+      offset: { value: 0, tolerance: 0.01 },
+    },
+    method: METHOD,
+    process_noise: "none",
+    seed: 1,
+  });
+}
+
+/**
  * Submits a job of each kind, and gives their ids by the kind once all have succeeded.
  *
  * @returns {Promise<Record<string, string>>}

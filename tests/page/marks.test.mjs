@@ -16,8 +16,10 @@ import {
   SIZES,
   says,
   specification,
+  text,
   tools,
 } from "./browser.mjs";
+import { numberIn } from "./numbers.mjs";
 import { base, ended, JOB, post, recording } from "./server.mjs";
 
 const skip = base && tools ? false : "GREYBOX_URL and PAGE_TOOLS are not set";
@@ -342,6 +344,35 @@ test("marks are accessible and fit a phone and a desk, in both schemes", { skip 
   assert.deepEqual(faults, []);
 });
 
+// Looks at the preview of the form, which stores nothing: gives what the plots of the position say of their first samples.
+async function previewed(page, form) {
+  const preview = `${form} [aria-label='Preview']`;
+  const stored = async () => (await api("/v1/datasets?limit=200")).items.length;
+  const count = await stored();
+  await press(page, "Preview");
+  await page.waitForSelector(`${preview} figure`, PATIENCE);
+  assert.equal(await page.$eval(`${preview} select`, (signal) => signal.value), "work");
+  assert.equal((await page.$$(`${preview} figure`)).length, 1, "the work was not recorded");
+  assert.match(await text(page, preview), /step 2: work \[J\] = drive_force\*position/);
+  await page.select(`${preview} select`, "position");
+  const plots = `${preview} figure`;
+  await page.waitForFunction((all) => document.querySelectorAll(all).length === 2, PATIENCE, plots);
+  const values = [];
+  for (const surface of await page.$$(`${plots} .surface`)) {
+    await surface.focus();
+    await page.keyboard.press("Home");
+    const readout = await surface.evaluate((element) => element.nextElementSibling.textContent);
+    values.push(numberIn(readout.split(" · ").at(-1)));
+  }
+  assert.deepEqual(await violations(page), []);
+  await picture(page, "recipe-preview");
+  await page.setViewport({ width: 390, height: 844 });
+  await page.waitForFunction(() => document.documentElement.scrollWidth <= 390, PATIENCE);
+  await page.setViewport({ width: SIZES[0].width, height: SIZES[0].height });
+  assert.equal(await stored(), count);
+  return values;
+}
+
 test("a recording is prepared step by step, and other steps begin with those that were done", {
   skip,
 }, async () => {
@@ -368,12 +399,21 @@ test("a recording is prepared step by step, and other steps begin with those tha
   await page.click(`${prepare} button.primary`);
   await page.waitForSelector(`${calculated} [data-pointer$='equation'] .fault`, PATIENCE);
   await fill(page, `${calculated} [data-pointer$='equation'] input`, "drive_force*position");
+  const before = await previewed(page, prepare);
   await page.click(`${prepare} button.primary`);
   await says(page, "do other steps");
   await says(page, "step 2:");
   await says(page, "[J] = drive_force*position");
   const made = await api(`/v1/datasets/${page.url().split("/").at(-1)}`);
   assert.deepEqual(made.signals.map(({ name, unit }) => [name, unit]).slice(-1), [["work", "J"]]);
+  // The preview has shown the recorded position and the prepared one at their first samples.
+  const first = async (dataset) =>
+    (await api(`/v1/datasets/${dataset}/samples?signals=position&max_points=100000`)).signals.position
+      .values[0];
+  assert.deepEqual(
+    before.map((value) => value.toFixed(6)),
+    [await first(id), await first(made.id)].map((value) => value.toFixed(6)),
+  );
   await picture(page, "prepared-recording");
   await press(page, "do other steps");
   await page.waitForSelector(calculated, PATIENCE);

@@ -1,4 +1,7 @@
-// This module reads numbers as the page writes them, and tells which numbers of the API a written number may be.
+// This module reads numbers as the page and the report write them, and tells which numbers of the API a written number
+// may be.
+
+import assert from "node:assert/strict";
 
 /** Reads the first number of a text as the page writes numbers. */
 export function numberIn(text) {
@@ -36,6 +39,38 @@ export const writtenIn = (text) => {
     isShare: /^(?: to \S+)?\s%/.test(plain.slice(index + written.length)),
   }));
 };
+
+// The sign stands before a number, and a power of ten behind it, as programs write them.
+const SIGNED = /(?<![\p{L}\d_.:/@#^-])-?\d+(?:\.\d+)?(?:e-?\d+)?(?![\p{L}\d_]|[-.:]\d)/gu;
+
+/**
+ * Lists the instants and the signed numbers that a text has, as they are written and where they begin.
+ *
+ * @param {string} text
+ */
+export function signedIn(text) {
+  const instants = [...text.matchAll(INSTANT)];
+  const plain = text.replace(INSTANT, (instant) => " ".repeat(instant.length));
+  const entries = [...instants, ...plain.matchAll(SIGNED)].map(({ 0: written, index }) => ({
+    written,
+    index,
+  }));
+  return entries.sort((a, b) => a.index - b.index);
+}
+
+/**
+ * Whether a written number is a value that is rounded to two digits or more.
+ *
+ * @param {string} written
+ * @param {number | null | undefined} value
+ */
+export function isRounded(written, value) {
+  const [, decimals = "", exponent = "0"] = /^-?\d+(?:\.(\d+))?(?:e(-?\d+))?$/.exec(written) ?? [];
+  const step = 10 ** (Number(exponent) - decimals.length);
+  const isExact = digitsOf({ written }) < 2;
+  const room = isExact ? 1e-5 * Math.abs(value ?? NaN) : 0.5 * step * (1 + 1e-6);
+  return Math.abs(Number(written) - (value ?? NaN)) <= room;
+}
 
 // A longer list is one of samples or of candidates, of which a page tells the extremes, the ends and the number.
 const LONGEST_LIST = 64;
@@ -153,13 +188,33 @@ export class Explained {
 
 /** The number with its last digit moved by one: no page writes it, unless another number explains it. */
 export function neighbourOf({ written, isShare }) {
-  const [, before, last, after] = /^(.*?)(\d)((?:·10.*)?)$/.exec(written);
+  const [, before, last, after] = /^(.*?)(\d)((?:·10.*|e-?\d+|Z)?)$/.exec(written);
   return { written: `${before}${(Number(last) + 1) % 10}${after}`, isShare };
 }
 
 /** The digits of a written number without the zeros before them. */
 export const digitsOf = ({ written }) =>
   written
-    .replace(/·10.*/, "")
-    .replaceAll(/[.\u202f]/g, "")
+    .replace(/·10.*|e.*/, "")
+    .replaceAll(/[-.\u202f]/g, "")
     .replace(/^0+/, "").length;
+
+/**
+ * Asserts that all numbers of pages are explained, and that few of them would be with another last digit: a check that
+ * lets most wrong numbers pass would say little.
+ *
+ * @param {{count: number, long: number, neighbours: number, unexplained: string[]}[]} pages
+ * @param {number} mostNeighbours
+ */
+export function judge(pages, mostNeighbours) {
+  assert.deepEqual(
+    pages.flatMap(({ unexplained }) => unexplained),
+    [],
+  );
+  const sum = (member) => pages.reduce((total, page) => total + page[member], 0);
+  assert.ok(
+    sum("neighbours") <= mostNeighbours * sum("long"),
+    `${sum("neighbours")} of ${sum("long")} numbers`,
+  );
+  return `${sum("count")} numbers, of which ${sum("long")} have three digits or more; with another last digit ${sum("neighbours")} pass`;
+}

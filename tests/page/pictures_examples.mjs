@@ -9,13 +9,13 @@ import { base, ended, post } from "./server.mjs";
 const begin = (model) => `<!-- made: ${model} -->\n`;
 const END = "<!-- end -->\n";
 
-// Lists the chapters with a job, each with what it says of the estimates.
+// Lists the chapters with a job, each with its text and with what it says of the estimates.
 export function chapters(guide) {
   const parts = guide.split("\n## ").slice(1);
   const jobs = parts.map((text) => ({ text, found: /```json\n(.*?)```/s.exec(text) }));
   return jobs
     .filter(({ found }) => found)
-    .map(({ text, found }) => ({ job: JSON.parse(found[1]), estimates: estimates(text) }));
+    .map(({ text, found }) => ({ text, job: JSON.parse(found[1]), estimates: estimates(text) }));
 }
 
 // Reads the table of a chapter.

@@ -4,9 +4,8 @@
 import assert from "node:assert/strict";
 import test from "node:test";
 
-const { draftsOf, equationNames, faultsOfDrafts, KINDS, recipeOf, signalsAt, stepOf } = await import(
-  new URL("../../src/dashboard/assets/data/recipe.js", import.meta.url)
-);
+const { draftsOf, equationNames, faultsOfDrafts, KINDS, recipeOf, signalsAt, signalToShow, stepOf } =
+  await import(new URL("../../src/dashboard/assets/data/recipe.js", import.meta.url));
 
 const RECORDED = ["command", "PT 101.PV", "pi"];
 const STEPS = [
@@ -65,6 +64,17 @@ test("numbers are read as people write them, and texts that are none are told at
   // Without signals the server is asked, which says that some are needed.
   assert.deepEqual(stepOf({ step: "remove", texts: {}, signals: [] }, RECORDED).signals, []);
   assert.ok(!("held" in stepOf({ step: "resample", texts: {}, signals: [] }, RECORDED)));
+});
+
+test("a preview begins with the last signal that a step makes or is about, where it is left", () => {
+  const drafts = draftsOf(STEPS, RECORDED);
+  assert.equal(signalToShow(RECORDED, drafts), "command");
+  assert.equal(signalToShow(RECORDED, drafts.slice(0, 2)), "head");
+  assert.equal(
+    signalToShow(RECORDED, draftsOf([{ step: "remove", signals: ["command"] }], RECORDED)),
+    "PT 101.PV",
+  );
+  assert.equal(signalToShow(RECORDED, []), "command");
 });
 
 test("a prepared recording says what it was made of", () => {

@@ -7,7 +7,7 @@ import assert from "node:assert/strict";
 import { after, before, test } from "node:test";
 import { launch, open, PATIENCE, tools } from "./browser.mjs";
 import { api, jobsOfAllKinds } from "./kinds.mjs";
-import { digitsOf, Explained, neighbourOf, writtenIn } from "./numbers.mjs";
+import { digitsOf, Explained, judge, neighbourOf, writtenIn } from "./numbers.mjs";
 import { base } from "./server.mjs";
 
 const { duration } = await import(new URL("../../src/dashboard/assets/shell/format.js", import.meta.url));
@@ -197,21 +197,7 @@ async function unexplainedOn({ address, ready, name }, explained) {
   };
 }
 
-// A check that lets most wrong numbers pass would say little.
 const MOST_NEIGHBOURS = 0.15;
-
-function judge(pages) {
-  assert.deepEqual(
-    pages.flatMap(({ unexplained }) => unexplained),
-    [],
-  );
-  const sum = (member) => pages.reduce((total, page) => total + page[member], 0);
-  assert.ok(
-    sum("neighbours") < MOST_NEIGHBOURS * sum("long"),
-    `${sum("neighbours")} of ${sum("long")} numbers`,
-  );
-  return `${sum("count")} numbers, of which ${sum("long")} have three digits or more; with another last digit ${sum("neighbours")} pass`;
-}
 
 test("every number of a job's page is one of the API's", { skip }, async (t) => {
   const pages = [];
@@ -220,7 +206,7 @@ test("every number of a job's page is one of the API's", { skip }, async (t) => 
     const explained = await explainedBy(id);
     pages.push(await unexplainedOn({ address: `/#/jobs/${id}`, ready, name }, explained));
   }
-  t.diagnostic(judge(pages));
+  t.diagnostic(judge(pages, MOST_NEIGHBOURS));
 });
 
 // The form offers all recordings with their lengths, and its sliders begin at defaults or in the middle of ranges.
@@ -248,5 +234,5 @@ test("every number of a job's form is one of the API's", { skip }, async (t) => 
       pages.push(await unexplainedOn({ address: `/#/new?from=${id}`, ready, name }, explained));
     }
   }
-  t.diagnostic(judge(pages));
+  t.diagnostic(judge(pages, MOST_NEIGHBOURS));
 });

@@ -64,6 +64,57 @@ async fn a_recipe_makes_another_recording_that_jobs_take_and_keeps_the_first() {
 }
 
 #[tokio::test(flavor = "multi_thread")]
+async fn a_recipe_is_looked_at_before_anything_is_stored() {
+    let app = TestApp::start().await;
+    let dataset = app.store_drive().await;
+    let recipe = json!({"steps": [
+        {"step": "cut", "from_s": 0.5},
+        {"step": "calculate", "signal": "twice", "unit": "mm", "equation": "2*position"},
+    ]});
+    let asked = |query: &str| format!("{}?validate_only=true{query}", path(&dataset));
+    let preview = app
+        .post_json(&asked("&signals=twice&max_points=100000"), &recipe)
+        .await
+        .expect(200)
+        .json();
+    let listed = app.get("/v1/datasets").await.expect(200).json();
+    assert_eq!(listed["items"].as_array().unwrap().len(), 1);
+    let made = app
+        .post_json(&path(&dataset), &recipe)
+        .await
+        .expect(201)
+        .json();
+    for member in ["samples", "duration_s", "signals", "report"] {
+        assert_eq!(preview[member], made[member], "{member}");
+    }
+    let shown = preview["thinned"]["signals"].as_object().unwrap();
+    assert_eq!(shown.keys().collect::<Vec<_>>(), ["twice"]);
+    let values = shown["twice"]["values"].as_array().unwrap().iter();
+    let values: Vec<Option<f64>> = values.map(Value::as_f64).collect();
+    assert_eq!(
+        values,
+        samples(&app, made["id"].as_str().unwrap(), "twice").await
+    );
+    let thinned = app
+        .post_json(&asked("&max_points=10"), &recipe)
+        .await
+        .expect(200)
+        .json();
+    let times = thinned["thinned"]["time_s"].as_array().unwrap();
+    assert!(times.len() <= 10, "{times:?}");
+    for (query, parameter) in [
+        ("?validate_only=true&signals=speed", "signals"),
+        ("?max_points=10", "max_points"),
+    ] {
+        let refused = app
+            .post_json(&format!("{}{query}", path(&dataset)), &recipe)
+            .await
+            .problem(422);
+        assert_eq!(refused["errors"][0]["parameter"], parameter);
+    }
+}
+
+#[tokio::test(flavor = "multi_thread")]
 async fn samples_that_a_version_marks_are_missing_before_the_first_step() {
     let app = TestApp::start().await;
     let dataset = app.store_drive().await;

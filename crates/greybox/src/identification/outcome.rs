@@ -146,13 +146,13 @@ impl ParameterEstimate {
         }
     }
 
-    /// The name of the parameter in tables, e.g. `mass (M)`.
+    /// The name of the parameter in tables, e.g. `mass (M)`; experiments count from 1.
     #[must_use]
     pub fn label(&self) -> String {
         let label = format!("{} ({})", self.name, self.symbol);
         match self.experiment {
             None => label,
-            Some(experiment) => format!("{label} in experiment {experiment}"),
+            Some(experiment) => format!("{label} in experiment {}", experiment + 1),
         }
     }
 }
@@ -190,6 +190,30 @@ pub struct InitialStateEstimate {
     /// What is known about its value.
     #[serde(flatten)]
     pub estimate: Estimate,
+}
+
+impl InitialStateEstimate {
+    /// A name that no other initial state of the result has: `initial_velocity`, or `initial_velocity_1` in the
+    /// second experiment.
+    #[must_use]
+    pub fn key(&self) -> String {
+        name_of_start(&self.state, self.experiment)
+    }
+
+    /// The name of the initial state in tables; experiments count from 1.
+    #[must_use]
+    pub fn label(&self) -> String {
+        let number = self.experiment + 1;
+        format!("{} at the start of experiment {number}", self.state)
+    }
+}
+
+/// What the start of a state is called.
+pub(super) fn name_of_start(state: &str, experiment: usize) -> String {
+    match experiment {
+        0 => format!("initial_{state}"),
+        later => format!("initial_{state}_{later}"),
+    }
 }
 
 /// An estimated value and how well it is known.

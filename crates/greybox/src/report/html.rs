@@ -43,6 +43,14 @@ pub fn labelled(name: &str, unit: &str) -> String {
     }
 }
 
+/// A number with its unit, as HTML; numbers of the unit 1 and of models that opted out of units have none.
+pub fn in_unit(number: &str, unit: &str) -> String {
+    match unit {
+        "" | "1" => number.to_owned(),
+        unit => format!("{number} {}", escape(unit)),
+    }
+}
+
 /// Writes to a page.
 pub fn push(page: &mut String, words: std::fmt::Arguments<'_>) {
     page.write_fmt(words)
@@ -88,6 +96,13 @@ mod tests {
         assert_eq!(to_spread(57.962_18, None), "57.962");
         assert_eq!(to_spread(0.0, Some(0.3)), "0");
         assert_eq!(to_spread(1.5, Some(0.0)), "1.5000");
+    }
+
+    #[test]
+    fn a_number_of_the_unit_1_stands_alone() {
+        assert_eq!(in_unit("0.25", "1"), "0.25");
+        assert_eq!(in_unit("0.25", ""), "0.25");
+        assert_eq!(in_unit("0.25", "N*s/m"), "0.25 N*s/m");
     }
 
     #[test]

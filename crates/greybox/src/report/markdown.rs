@@ -103,18 +103,10 @@ fn estimates(text: &mut String, outcome: &Outcome) {
         );
     };
     for parameter in &outcome.parameters {
-        row(
-            &super::tables::label(parameter),
-            &parameter.unit,
-            &parameter.estimate,
-        );
+        row(&parameter.label(), &parameter.unit, &parameter.estimate);
     }
     for state in &outcome.initial_states {
-        row(
-            &super::tables::state_label(state),
-            &state.unit,
-            &state.estimate,
-        );
+        row(&state.label(), &state.unit, &state.estimate);
     }
 }
 

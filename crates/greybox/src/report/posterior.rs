@@ -2,7 +2,6 @@
 //! plot of the draws.
 
 use super::html::{escape, number, push};
-use super::tables::{label, state_label};
 use crate::identification::outcome::{Outcome, PosteriorDraws, PosteriorReport};
 use greybox_numerics::digits::significant;
 use greybox_numerics::statistics;
@@ -71,9 +70,9 @@ pub fn markdown(text: &mut String, outcome: &Outcome) {
 /// The unknowns that have draws, by the names that the table of the estimates has.
 fn described(outcome: &Outcome) -> Vec<(String, &PosteriorReport)> {
     let parameters = outcome.parameters.iter();
-    let parameters = parameters.map(|parameter| (label(parameter), &parameter.estimate));
+    let parameters = parameters.map(|parameter| (parameter.label(), &parameter.estimate));
     let states = outcome.initial_states.iter();
-    let states = states.map(|state| (state_label(state), &state.estimate));
+    let states = states.map(|state| (state.label(), &state.estimate));
     let all = parameters.chain(states);
     all.filter_map(|(name, estimate)| Some((name, estimate.posterior.as_ref()?)))
         .collect()

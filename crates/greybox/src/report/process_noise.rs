@@ -3,7 +3,7 @@
 use super::facts::Report;
 use super::html::{self, escape, optional, push};
 use super::plots;
-use super::tables::parameter_unit;
+use super::tables::unknown;
 use crate::identification::assemble::{DatedEvent, DisturbancePath};
 use crate::identification::outcome::{DisturbanceReport, NoiseNumberReport, Outcome};
 use crate::identification::spec::{ActsOnSpec, NoiseKind};
@@ -65,15 +65,16 @@ pub fn section(page: &mut String, report: &Report<'_>) {
         .output_error
         .iter()
         .map(|(name, free)| {
-            let unit = parameter_unit(outcome, name);
-            format!("{name} {} {unit}", significant(free.estimate, 5))
+            let (name, unit) = unknown(outcome, name);
+            let estimate = html::in_unit(&significant(free.estimate, 5), unit);
+            format!("{} {estimate}", escape(&name))
         })
         .collect();
     push(
         page,
         format_args!(
             "<p>The free run, which knows of no disturbance, makes of the same record: {}.</p>\n",
-            escape(&free.join(", "))
+            free.join(", ")
         ),
     );
     for (number, experiment) in report.disturbances.iter().enumerate() {
@@ -177,7 +178,7 @@ fn number(estimate: Option<&NoiseNumberReport>) -> String {
 
 fn with_unit(estimate: Option<&NoiseNumberReport>, unit: &str) -> String {
     match estimate {
-        Some(_) => format!("{} {}", number(estimate), escape(unit)),
+        Some(_) => html::in_unit(&number(estimate), unit),
         None => number(estimate),
     }
 }

@@ -5,7 +5,6 @@ use super::chart::{Chart, ChartSize, Series, SeriesLook};
 use super::html::{labelled, push, to_spread, unit_cell};
 use super::markdown_text::cell;
 use super::plots::figure;
-use super::tables::{label, state_label};
 use crate::identification::outcome::{Estimate, Outcome, ProfilePoint};
 use greybox_numerics::digits::short;
 
@@ -44,12 +43,12 @@ impl Profiled<'_> {
 
 fn profiled(outcome: &Outcome) -> Vec<Profiled<'_>> {
     let parameters = outcome.parameters.iter().map(|parameter| Profiled {
-        label: label(parameter),
+        label: parameter.label(),
         unit: &parameter.unit,
         estimate: &parameter.estimate,
     });
     let states = outcome.initial_states.iter().map(|state| Profiled {
-        label: state_label(state),
+        label: state.label(),
         unit: &state.unit,
         estimate: &state.estimate,
     });

@@ -1,11 +1,11 @@
 //! The tables of a report.
 
 use super::Report;
-use super::html::{escape, labelled, number, optional, push, to_spread, unit_cell, with_code};
-use crate::identification::budget::BudgetLine;
-use crate::identification::outcome::{
-    Estimate, InitialStateEstimate, Outcome, OutputFit, ParameterEstimate, Trust,
+use super::html::{
+    escape, in_unit, labelled, number, optional, push, to_spread, unit_cell, with_code,
 };
+use crate::identification::budget::BudgetLine;
+use crate::identification::outcome::{Estimate, Outcome, OutputFit, Trust};
 use greybox_numerics::digits::significant;
 
 /// Shares of a variance below this are not shown.
@@ -21,11 +21,15 @@ pub fn estimates(page: &mut String, report: &Report<'_>) {
          <th>searched</th></tr></thead>\n",
     );
     for parameter in &outcome.parameters {
-        let name = label(parameter);
-        row(page, &name, &parameter.unit, &parameter.estimate);
+        row(
+            page,
+            &parameter.label(),
+            &parameter.unit,
+            &parameter.estimate,
+        );
     }
     for state in &outcome.initial_states {
-        row(page, &state_label(state), &state.unit, &state.estimate);
+        row(page, &state.label(), &state.unit, &state.estimate);
     }
     page.push_str("</table></div>\n");
     changes(page, report);
@@ -101,11 +105,11 @@ fn changes(page: &mut String, report: &Report<'_>) {
             let each = parameter.estimate.output_change.iter();
             let each: Vec<String> = each
                 .map(|(output, change)| {
-                    let (change, unit) = (significant(*change, 3), output_unit(report, output));
-                    format!("{} {change} {}", escape(output), escape(unit))
+                    let change = in_unit(&significant(*change, 3), output_unit(report, output));
+                    format!("{} {change}", escape(output))
                 })
                 .collect();
-            format!("{}: {}", escape(&label(parameter)), each.join(", "))
+            format!("{}: {}", escape(&parameter.label()), each.join(", "))
         })
         .collect();
     if !changes.is_empty() {
@@ -127,26 +131,22 @@ pub fn output_unit<'r>(report: &Report<'r>, output: &str) -> &'r str {
     named.map_or("", |signal| &signal.unit)
 }
 
-/// The unit of an estimated parameter; empty where the model opted out of units.
-pub fn parameter_unit<'o>(outcome: &'o Outcome, name: &str) -> &'o str {
+/// The name and the unit of the unknown that the result has under a key; experiments count from 1. A key of no
+/// estimate stands for itself.
+pub fn unknown<'o>(outcome: &'o Outcome, key: &str) -> (String, &'o str) {
     let mut parameters = outcome.parameters.iter();
-    let named = parameters.find(|parameter| parameter.name == name);
-    named.map_or("", |parameter| &parameter.unit)
-}
-
-/// What a parameter is called; experiments count from 1.
-pub fn label(parameter: &ParameterEstimate) -> String {
-    let label = format!("{} ({})", parameter.name, parameter.symbol);
-    match parameter.experiment {
-        None => label,
-        Some(experiment) => format!("{label} in experiment {}", experiment + 1),
+    let mut states = outcome.initial_states.iter();
+    let parameter = parameters.find(|parameter| parameter.key() == key);
+    match (parameter, states.find(|state| state.key() == key)) {
+        (Some(parameter), _) => {
+            let experiment = parameter.experiment.map(|experiment| experiment + 1);
+            let place = experiment.map(|number| format!(" in experiment {number}"));
+            let name = format!("{}{}", parameter.name, place.unwrap_or_default());
+            (name, &*parameter.unit)
+        }
+        (None, Some(state)) => (state.label(), &*state.unit),
+        (None, None) => (key.to_owned(), ""),
     }
-}
-
-/// What an estimated initial state is called; experiments count from 1.
-pub fn state_label(state: &InitialStateEstimate) -> String {
-    let number = state.experiment + 1;
-    format!("{} at the start of experiment {number}", state.state)
 }
 
 /// An end of an interval, with the digits that the error needs.
@@ -188,7 +188,8 @@ pub fn budget(page: &mut String, outcome: &Outcome) {
             || "–".to_owned(),
             |suggested| {
                 let (value, error) = (suggested.value, suggested.standard_error);
-                format!("{} ± {}", significant(value, 4), significant(error, 2))
+                let value = to_spread(value, Some(error));
+                format!("{value} ± {}", significant(error, 2))
             },
         );
         let shares: Vec<String> = line
@@ -197,7 +198,7 @@ pub fn budget(page: &mut String, outcome: &Outcome) {
             .filter(|(_, contribution)| contribution.share.abs() >= SMALLEST_SHARE)
             .map(|(name, contribution)| {
                 let share = 100.0 * contribution.share;
-                format!("{} {share:.0} %", escape(name))
+                format!("{} {share:.0} %", escape(&unknown(outcome, name).0))
             })
             .collect();
         push(
@@ -239,6 +240,8 @@ pub fn fit(page: &mut String, report: &Report<'_>) {
          <th>chi²/n</th><th>correlation with the next</th><th>white</th><th>Ljung–Box p</th>\
          <th class=\"words\">follow an input</th></tr></thead>\n",
     );
+    let two =
+        |value: Option<f64>| value.map_or_else(|| "–".to_owned(), |value| significant(value, 2));
     for (output, residuals) in &outcome.residuals {
         let white = match residuals.white {
             Some(true) => "yes",
@@ -249,8 +252,7 @@ pub fn fit(page: &mut String, report: &Report<'_>) {
             .inputs
             .iter()
             .map(|(input, following)| {
-                let rho = following.correlation.map(|rho| (1e3 * rho).round() / 1e3);
-                let correlation = optional(rho);
+                let correlation = two(following.correlation);
                 let word = if following.significant { "yes" } else { "no" };
                 format!("{}: {word} ({correlation})", escape(input))
             })
@@ -261,15 +263,17 @@ pub fn fit(page: &mut String, report: &Report<'_>) {
         push(
             page,
             format_args!(
-                "<tr><td>{}</td><td>{} {} ({}){outliers}</td><td>{}</td><td>{}</td><td>{white}</td>\
+                "<tr><td>{}</td><td>{} ({}){outliers}</td><td>{}</td><td>{}</td><td>{white}</td>\
                  <td>{}</td><td class=\"words\">{}</td></tr>\n",
                 escape(output),
-                significant(residuals.noise_std, 3),
-                escape(output_unit(report, output)),
+                in_unit(
+                    &significant(residuals.noise_std, 3),
+                    output_unit(report, output)
+                ),
                 escape(&residuals.noise_std_source),
                 optional(residuals.chi_square_per_sample),
                 optional(residuals.lag_1_autocorrelation),
-                optional(residuals.ljung_box_p.map(|p| (1e3 * p).round() / 1e3)),
+                two(residuals.ljung_box_p),
                 joined(&follow)
             ),
         );
@@ -295,7 +299,7 @@ fn criteria(page: &mut String, outcome: &Outcome) {
 }
 
 fn fit_row(page: &mut String, (output, unit): (&str, &str), data: &str, fit: &OutputFit) {
-    let quantity = |value: Option<f64>| format!("{} {}", optional(value), escape(unit));
+    let quantity = |value: Option<f64>| in_unit(&optional(value), unit);
     push(
         page,
         format_args!(
@@ -315,15 +319,17 @@ pub fn correlation(page: &mut String, outcome: &Outcome) {
         return;
     };
     page.push_str(
-        "<section>\n<h2>Correlation of the estimates</h2>\n<div class=\"scroll\"><table>\n\
+        "<section>\n<h2>Correlation of the estimates</h2>\n<div class=\"scroll\"><table class=\"unknowns\">\n\
          <thead><tr><th>correlation [1]</th>",
     );
     for name in &correlation.names {
-        push(page, format_args!("<th>{}</th>", escape(name)));
+        let (name, _) = unknown(outcome, name);
+        push(page, format_args!("<th>{}</th>", escape(&name)));
     }
     page.push_str("</tr></thead>\n");
     for (name, row) in correlation.names.iter().zip(&correlation.matrix) {
-        push(page, format_args!("<tr><td>{}</td>", escape(name)));
+        let (name, _) = unknown(outcome, name);
+        push(page, format_args!("<tr><td>{}</td>", escape(&name)));
         for entry in row {
             // The deeper the colour, the less the two are told apart.
             let depth = entry.map_or(0.0, |value| value.abs() * 0.5);
@@ -388,11 +394,12 @@ pub fn starts(page: &mut String, outcome: &Outcome) {
         return;
     };
     page.push_str(
-        "<section>\n<h2>Starts of the refinement</h2>\n<div class=\"scroll\"><table>\n<thead><tr>\
+        "<section>\n<h2>Starts of the refinement</h2>\n<div class=\"scroll\"><table class=\"unknowns\">\n<thead><tr>\
          <th>cost</th><th>from</th>",
     );
     for name in first.parameters.keys() {
-        let label = labelled(name, parameter_unit(outcome, name));
+        let (name, unit) = unknown(outcome, name);
+        let label = labelled(&name, unit);
         push(page, format_args!("<th>{}</th>", escape(&label)));
     }
     page.push_str("</tr></thead>\n");

@@ -10,7 +10,7 @@ import pandas as pd
 import pytest
 
 from greybox_client import AsyncClient, Client, Job, Problem, Result
-from greybox_client._frames import disturbance, estimates, history, packed, timed, to_csv
+from greybox_client._frames import disturbance, estimates, history, instant, packed, timed, to_csv
 
 
 def test_times_with_a_zone_become_instants_and_units_stand_in_brackets():
@@ -32,6 +32,14 @@ def test_times_without_a_zone_are_asked_about():
     with pytest.raises(ValueError, match="no zone"):
         timed(frame)
     assert to_csv(timed(frame, zone="Europe/Berlin")) == "time,a\n2026-03-01T23:00:00+00:00,1\n"
+
+
+def test_an_instant_has_its_zone():
+    local = pd.Timestamp("2026-03-02 09:15", tz="Europe/Berlin")
+    assert instant(local) == instant("2026-03-02T08:15:00Z") == "2026-03-02T08:15:00+00:00"
+    assert instant(local + pd.Timedelta(7, "ns")) == "2026-03-02T08:15:00.000000007+00:00"
+    with pytest.raises(ValueError, match="no zone"):
+        instant("2026-03-02T08:15:00")
 
 
 def test_units_of_columns_that_are_not_there_are_refused():

@@ -10,7 +10,7 @@ from importlib import import_module
 import pandas as pd
 import pytest
 
-from greybox_client import Client, Problem
+from greybox_client import Client, Dataset, Problem
 
 URL = os.environ.get("GREYBOX_URL")
 GENERATED = os.environ.get("GENERATED")
@@ -127,6 +127,27 @@ def test_a_stream_is_watched(api):
     matplotlib.use("Agg")
     assert len(monitor.plot()) == 2
     monitor.delete()
+
+
+@needs_server
+def test_what_of_a_stream_is_marked_is_left_out_of_its_recordings(api):
+    index = pd.date_range("2026-03-02 08:15", periods=300, freq="100ms", tz="UTC")
+    api.append(f"loose-{os.getpid()}", recorded(300, index))
+    stream = api.stream(f"loose-{os.getpid()}")
+    assert repr(stream) == f"<Stream {stream.id}: 300 samples of 2 signals>"
+    assert (stream.marks()["number"], stream.marks()["marks"]) == (0, [])
+    stream.mark(index[60], index[80], "sensor loose", ["y"])
+    marked = stream.mark("2026-03-02T08:15:20+00:00", "2026-03-02T08:15:21+00:00", "valve shut")
+    assert (marked["number"], [mark["reason"] for mark in marked["marks"]]) == (2, ["sensor loose", "valve shut"])
+    assert stream.marks()["marks"] == marked["marks"]
+    part = {"from": index[0].isoformat(), "to": index[-1].isoformat()}
+    cut = Dataset(api, api.post(f"{stream.path}/recordings", json=part))
+    assert list(cut.signals["missing"]) == [11, 32]
+    with pytest.raises(Problem) as refused:
+        stream.mark_all([], based_on=1)
+    assert refused.value.status == 409
+    assert stream.mark_all([])["marks"] == []
+    stream.delete()
 
 
 @needs_both

@@ -5,7 +5,17 @@ import { get, send } from "../shell/api.js";
 import { h, notice, smallButton } from "../shell/dom.js";
 import { failBeside, placeFaults, pointed } from "../shell/faults.js";
 import { words } from "../shell/format.js";
-import { draftsOf, equationNames, faultsOfDrafts, KINDS, recipeOf, signalsAt, stepOf } from "./recipe.js";
+import { Preview } from "./preview.js";
+import {
+  draftsOf,
+  equationNames,
+  faultsOfDrafts,
+  KINDS,
+  recipeOf,
+  signalsAt,
+  signalToShow,
+  stepOf,
+} from "./recipe.js";
 
 export class Preparing {
   /**
@@ -19,7 +29,7 @@ export class Preparing {
     /** @type {import("./recipe.js").StepDraft[]} */
     this.drafts = [];
     this.outcome = notice();
-    this.steps = h("ol", { class: "recipe" });
+    this.steps = h("ol", { class: "recipe", onchange: () => this.preview.clear() });
     this.name = h("input", {
       type: "text",
       size: "32",
@@ -32,6 +42,8 @@ export class Preparing {
       Object.entries(KINDS).map(([step, { title }]) => h("option", { value: step }, title)),
     );
     this.make = h("button", { type: "submit", class: "primary" }, "Make the recording");
+    this.look = h("button", { type: "button", onclick: () => this.show() }, "Preview");
+    this.preview = new Preview(view, dataset, (signal) => this.show(signal));
     this.button = h(
       "button",
       { type: "button", class: "for-writers", onclick: () => this.open() },
@@ -73,8 +85,10 @@ export class Preparing {
         "div",
         { class: "actions" },
         this.make,
+        this.look,
         h("button", { type: "button", onclick: () => this.close() }, "Cancel"),
       ),
+      this.preview.element,
     ];
   }
 
@@ -106,6 +120,7 @@ export class Preparing {
   }
 
   draw() {
+    this.preview.clear();
     placeFaults(this.element, []);
     this.steps.replaceChildren(...this.drafts.map((draft, k) => this.step(draft, k)));
   }
@@ -205,29 +220,43 @@ export class Preparing {
     this.kind.focus();
   }
 
-  async submit(event) {
-    event.preventDefault();
+  // The steps that the form stands for, without which nothing is asked.
+  recipe() {
+    const errors = faultsOfDrafts(this.drafts);
+    if (errors.length) {
+      throw { title: "Nothing is made yet", errors };
+    }
+    return this.drafts.map((draft, k) => stepOf(draft, signalsAt(this.recorded, this.drafts.slice(0, k))));
+  }
+
+  async attempt(act) {
     this.make.disabled = true;
+    this.look.disabled = true;
     placeFaults(this.element, []);
     this.outcome.clear();
     try {
-      const errors = faultsOfDrafts(this.drafts);
-      if (errors.length) {
-        throw { title: "Nothing is made yet", errors };
-      }
-      const steps = this.drafts.map((draft, k) =>
-        stepOf(draft, signalsAt(this.recorded, this.drafts.slice(0, k))),
-      );
-      const body = { name: this.name.value.trim() || null, steps };
-      const { data } = await send("POST", `/v1/datasets/${this.dataset.id}/prepared`, body, {
-        signal: this.view.signal,
-      });
-      location.hash = `/datasets/${data.id}`;
+      await act();
     } catch (error) {
       failBeside(this.element, this.outcome, error);
       this.element.scrollIntoView({ block: "nearest" });
     }
     this.make.disabled = false;
+    this.look.disabled = false;
+  }
+
+  submit(event) {
+    event.preventDefault();
+    return this.attempt(async () => {
+      const body = { name: this.name.value.trim() || null, steps: this.recipe() };
+      const { data } = await send("POST", `/v1/datasets/${this.dataset.id}/prepared`, body, {
+        signal: this.view.signal,
+      });
+      location.hash = `/datasets/${data.id}`;
+    });
+  }
+
+  show(signal = signalToShow(this.recorded, this.drafts)) {
+    return this.attempt(() => this.preview.show(this.recipe(), signal));
   }
 }
 

@@ -116,6 +116,18 @@ export function signalsAt(recorded, before) {
 }
 
 /**
+ * Gives the signal that a preview begins with: the last that a step makes or is about, else the first that is left.
+ *
+ * @param {string[]} recorded
+ * @param {StepDraft[]} drafts
+ */
+export function signalToShow(recorded, drafts) {
+  const left = signalsAt(recorded, drafts);
+  const named = drafts.flatMap(({ texts, signals }) => [texts.signal?.trim() ?? "", ...signals]);
+  return named.filter((name) => left.includes(name)).at(-1) ?? left[0] ?? recorded[0];
+}
+
+/**
  * Gives the step that a draft stands for, with the names that its equation uses and cannot write.
  *
  * @param {StepDraft} draft

@@ -51,6 +51,21 @@ export function withModel(spec, model, datasets) {
   return { ...rest, model: model.name, experiments };
 }
 
+/**
+ * Gives the specification whose experiments at some places see a signal of the model in a recorded one, or in none. An
+ * output that no experiment measures any more has no noise and no sensor.
+ *
+ * @param {any} spec
+ * @param {number[]} places
+ * @param {string} name
+ * @param {string | undefined} recorded
+ */
+export function withSignal(spec, places, name, recorded) {
+  const seen = places.reduce((job, k) => changed(job, ["experiments", k, "signals", name], recorded), spec);
+  const isSeen = seen.experiments.some(({ signals }) => signals?.[name]);
+  return isSeen ? seen : changed(seen, ["outputs", name], undefined);
+}
+
 // Gives the specification with another value at a path; `undefined` removes the member at the path, and
 // objects that become empty are removed too.
 /**

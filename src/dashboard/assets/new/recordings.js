@@ -10,7 +10,7 @@ import { partWithin, shadedSpans, specifiedWindow } from "../plot/math.js";
 import { namesIn } from "../shell/description.js";
 import { h, notice } from "../shell/dom.js";
 import { count, duration, number, words } from "../shell/format.js";
-import { changed, recordingsOfDraft } from "./draft.js";
+import { changed, recordingsOfDraft, withSignal } from "./draft.js";
 import { heldBack } from "./search.js";
 import { VersionLine } from "./version.js";
 
@@ -334,7 +334,8 @@ class RecordingPart {
         h(
           "select",
           {
-            onchange: (event) => this.put(["signals", signal.name], event.target.value || undefined),
+            onchange: ({ target }) =>
+              job.set(withSignal(job.spec, this.places, signal.name, target.value || undefined)),
             "aria-invalid": kind === "input" && !experiment.signals?.[signal.name] ? "true" : null,
           },
           h("option", { value: "" }, missing),

@@ -1,8 +1,8 @@
 //! What a job takes as known, with how well it is known.
 
 use super::coordinates::name_of;
-use super::experiment;
 use crate::estimation::problem::{Assumed, Assumption, MeasuredOutput, SensorNumber, Target};
+use crate::identification::outcome::name_of_start;
 use crate::identification::spec::{
     FixedValue, InitialStateSpec, JobSpec, OutputSpec, ParameterSpec,
 };
@@ -44,7 +44,7 @@ pub(super) fn assumptions(
                 && let Some(tolerance) = size(*fixed)
             {
                 assumptions.push(Assumption {
-                    name: experiment::name_of_start(&description.name, experiment),
+                    name: name_of_start(&description.name, experiment),
                     unit: description.unit.to_string(),
                     target: Assumed::Model(Target::InitialState { experiment, state }),
                     value: fixed.value,

@@ -3,6 +3,7 @@
 use super::Finding;
 use crate::estimation::prior::Prior;
 use crate::estimation::problem::{Coordinate, Experiment, MeasuredOutput, Target, UnknownStart};
+use crate::identification::outcome::name_of_start;
 use crate::identification::spec::{
     ExperimentRole, ExperimentSpec, InitialStateSpec, OutputSpec, ParameterSpec,
 };
@@ -48,14 +49,6 @@ pub(super) struct FreeState {
     pub lower: f64,
     pub upper: f64,
     pub prior: Option<Prior>,
-}
-
-/// What the start of a state is called.
-pub(super) fn name_of_start(state: &str, experiment: usize) -> String {
-    match experiment {
-        0 => format!("initial_{state}"),
-        later => format!("initial_{state}_{later}"),
-    }
 }
 
 /// The name under which an experiment carries the noise of an output.

@@ -20,6 +20,8 @@ const USEFUL_SHARE: f64 = 0.95;
 /// The total standard error of a coordinate.
 struct IntervalWidth {
     coordinate: usize,
+    /// The standard error that noise alone leaves, as a share of the search range.
+    noise: f64,
     /// The total standard error as a share of the search range.
     total: f64,
     /// The total standard error as a share of what it is measured by.
@@ -68,6 +70,7 @@ impl Case<'_> {
         let is_told = !is_assumed && !self.analysis.coordinates[index].identifiable;
         (trust < Trust::High && !is_told).then_some(IntervalWidth {
             coordinate: index,
+            noise,
             total,
             share,
             trust,
@@ -93,7 +96,7 @@ impl Case<'_> {
             "noise leaves `{}` a standard error of {}: record longer, or excite it more \
              (`POST /v1/designs` looks for the experiment)",
             self.problem.coordinates[width.coordinate].name,
-            self.error_in_words(width.coordinate, width.total)
+            self.error_in_words(width.coordinate, width.noise)
         );
         let doubt = Doubt::new(Rule::WideInterval, width.trust, detail);
         doubt

@@ -8,6 +8,6 @@
 """
 
 from ._asynchronous import AsyncClient, AsyncJob
-from ._client import Client, Dataset, Event, Job, Monitor, Problem, Result
+from ._client import Client, Dataset, Event, Job, Monitor, Problem, Result, Stream
 
-__all__ = ["AsyncClient", "AsyncJob", "Client", "Dataset", "Event", "Job", "Monitor", "Problem", "Result"]
+__all__ = ["AsyncClient", "AsyncJob", "Client", "Dataset", "Event", "Job", "Monitor", "Problem", "Result", "Stream"]

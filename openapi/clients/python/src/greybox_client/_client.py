@@ -8,6 +8,7 @@ import time
 import uuid
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
+from datetime import datetime
 from pathlib import Path
 from typing import Any, TypeVar, Union
 
@@ -128,6 +129,10 @@ class Client:
     ) -> dict[str, Any]:
         """Adds samples to a stream; answers what became of them."""
         return self._send(f"/v1/streams/{stream}", data, units, content_type, options)
+
+    def stream(self, name: str) -> Stream:
+        """A stream by its name."""
+        return Stream(self, self.get(f"/v1/streams/{name}"))
 
     def _send(
         self,
@@ -374,6 +379,42 @@ class Dataset(_Resource):
         """Makes another recording of it, step by step: `{"step": "cut", "from_s": 10}`, `{"step": "resample", …}`."""
         body = {"steps": list(steps), "name": name, "version": version}
         return Dataset(self._client, self._client.post(f"{self.path}/prepared", json=body))
+
+
+class Stream(_Resource):
+    """A recording that grows."""
+
+    _path = "/v1/streams"
+
+    def _facts(self) -> list[Any]:
+        samples, signals = self.document.get("samples"), self.document.get("signals", [])
+        return [f"{samples} samples of {len(signals)} signals"]
+
+    @property
+    def id(self) -> str:
+        """The name, by which a stream is asked for."""
+        return str(self.document["name"])
+
+    def marks(self) -> dict[str, Any]:
+        """What of it is marked as bad, with the number of these marks."""
+        marks: dict[str, Any] = self._client.get(f"{self.path}/marks")
+        return marks
+
+    def mark(
+        self, start: str | datetime, end: str | datetime, reason: str, signals: list[str] | None = None
+    ) -> dict[str, Any]:
+        """Marks a stretch as bad, in addition to what is marked: the new marks, which recordings that are cut out of
+        it, windows of monitors and selections then do without. Instants have their zone."""
+        stretch = {"from": _frames.instant(start), "to": _frames.instant(end)}
+        mark = {**stretch, "reason": reason} | ({"signals": signals} if signals else {})
+        newest = self.marks()
+        return self.mark_all([*newest["marks"], mark], based_on=newest["number"])
+
+    def mark_all(self, marks: list[dict[str, Any]], based_on: int | None = None) -> dict[str, Any]:
+        """Marks just these stretches; none at all with an empty list."""
+        body = {"marks": marks, "based_on": based_on}
+        marked: dict[str, Any] = self._client.request("PUT", f"{self.path}/marks", json=body).json()
+        return marked
 
 
 class Job(_Resource):

@@ -6,11 +6,12 @@ import gzip
 import importlib.util
 import io
 from collections.abc import Mapping
+from datetime import datetime
 from typing import Any
 
 import pandas as pd
 
-__all__ = ["disturbance", "estimates", "history", "next_steps", "packed", "timed", "to_csv", "trajectory"]
+__all__ = ["disturbance", "estimates", "history", "instant", "next_steps", "packed", "timed", "to_csv", "trajectory"]
 
 
 def timed(frame: pd.DataFrame, units: Mapping[str, str] | None = None, zone: str | None = None) -> pd.DataFrame:
@@ -39,6 +40,14 @@ def timed(frame: pd.DataFrame, units: Mapping[str, str] | None = None, zone: str
     table = frame.rename(columns=named).reset_index(drop=True)
     table.insert(0, title, times)
     return table
+
+
+def instant(time: str | datetime) -> str:
+    """An instant as the server takes it. Raises ValueError where it has no zone."""
+    stamp = pd.Timestamp(time)
+    if stamp.tzinfo is None:
+        raise ValueError(f"{time} has no zone; write it with one, such as 2026-03-02T08:15:00Z")
+    return str(stamp.tz_convert("UTC").isoformat())
 
 
 def packed(table: pd.DataFrame) -> tuple[bytes, dict[str, str]]:
