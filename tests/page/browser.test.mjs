@@ -455,7 +455,9 @@ test("conditions and an earlier job's estimate are said without JSON", { skip },
   await page.close();
 });
 
-test("every page beside the guides is accessible, fits its width and makes no fault, in both schemes", { skip }, async () => {
+test("every page beside the guides is accessible, fits its width and makes no fault, in both schemes", {
+  skip,
+}, async () => {
   const [job, neighbour] = shared.jobs;
   const { id: design } = await designJob();
   const { id: disturbed } = await disturbedJob();

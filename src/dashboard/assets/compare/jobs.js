@@ -6,7 +6,7 @@ import { seconds } from "../list/filter.js";
 import { badge, trustBadge } from "../list/rows.js";
 import { get } from "../shell/api.js";
 import { h, notice, svg, table } from "../shell/dom.js";
-import { duration, number, percent, unitText, withError, words } from "../shell/format.js";
+import { duration, modelText, number, percent, unitText, withError, words } from "../shell/format.js";
 import { commonRange, differences, intervalOf, isOfTheModel, place, sideBySide } from "./differences.js";
 import { byKind, KINDS, numbersOf, remark } from "./kinds.js";
 import { drawOutputs } from "./outputs.js";
@@ -71,7 +71,7 @@ function parts(runs, outputs) {
     [tag(k), " ", String(k + 1), ": ", h("a", { href: `#/jobs/${job.id}` }, title)],
     badge(job.status),
     result?.verdict ? trustBadge(result.verdict.trust) : "–",
-    job.model,
+    modelText(job.model),
     job.spec.method ? words(job.spec.method.name) : KINDS[job.kind].name,
     fits(result, "estimation"),
     fits(result, "validation"),

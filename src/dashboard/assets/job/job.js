@@ -6,7 +6,7 @@ import { versionName } from "../data/marks.js";
 import { badge, trustBadge } from "../list/rows.js";
 import { get, send } from "../shell/api.js";
 import { facts, h, notice, problemBox } from "../shell/dom.js";
-import { duration, instant, timeSpan } from "../shell/format.js";
+import { duration, instant, modelText, timeSpan } from "../shell/format.js";
 import { FOLLOWS, specOf } from "../shell/prepared.js";
 import { mayWrite } from "../shell/session.js";
 import { contentsOf, startTour } from "./contents.js";
@@ -116,7 +116,7 @@ export function showJob(view, id) {
     job: () => {
       const job = feed.job;
       body.hidden = false;
-      heading.textContent = job.name || `Unnamed job, ${job.model}`;
+      heading.textContent = job.name || `Unnamed job, ${modelText(job.model)}`;
       document.title = `${heading.textContent} · greybox`;
       note.textContent = job.note ?? "";
       panels.result.named(job);
@@ -233,7 +233,10 @@ function about(job) {
     .join(", ");
   return facts([
     ["Job", h("code", { class: "digest" }, job.id)],
-    ["Model", job.model],
+    [
+      "Model",
+      h("a", { href: `#/models/${encodeURIComponent(job.model)}`, title: job.model }, modelText(job.model)),
+    ],
     [
       datasets.length > 1 ? "Datasets" : "Dataset",
       datasets.length ? datasets.flatMap((link) => [link, " "]) : null,

@@ -2,7 +2,7 @@
 // The description of a model is a diagram, its equations, its symbols and its signals.
 
 import { h, svg, table } from "../shell/dom.js";
-import { number, unitText, words } from "../shell/format.js";
+import { number, quantity, unitText, words } from "../shell/format.js";
 import { equation } from "./equation.js";
 
 // The diagram shows the inputs of a model, its states and its outputs.
@@ -106,8 +106,6 @@ export function toleranceText({ tolerance, tolerance_source: source, unit }) {
   return h(
     "span",
     { title: source ?? null },
-    typeof tolerance === "number"
-      ? `± ${number(tolerance, 3)} ${unit === "1" ? "" : unit}`
-      : `± ${tolerance}`,
+    typeof tolerance === "number" ? `± ${quantity(number(tolerance, 3), unit)}` : `± ${tolerance}`,
   );
 }

@@ -118,7 +118,7 @@ export function trialPart(view, changed) {
               h(
                 "option",
                 { value: signal.name, selected: state.signals[name] === signal.name },
-                `${signal.name} [${unitText(signal.unit)}]`,
+                `${words(signal.name)} [${unitText(signal.unit)}]`,
               ),
             ),
           ),

@@ -4,7 +4,7 @@
 
 import { toleranceOf } from "../model/parameters.js";
 import { h, table } from "../shell/dom.js";
-import { number, unitText, words } from "../shell/format.js";
+import { number, quantity, unitText, words } from "../shell/format.js";
 import { choice, field, membersOf, shown, titledField } from "./fields.js";
 
 const COLUMNS = [
@@ -122,7 +122,7 @@ function assumedTable(job) {
   }
   const row = (name, line) => [
     words(name),
-    line ? `${number(line.value, 4)} ${line.unit === "1" ? "" : line.unit}` : "",
+    line ? quantity(number(line.value, 4), line.unit) : "",
     h(
       "span",
       { class: "together" },

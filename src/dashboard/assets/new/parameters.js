@@ -5,7 +5,7 @@
 import { entryOf, middleOf, parameterRows } from "../model/parameters.js";
 import { namesIn } from "../shell/description.js";
 import { h } from "../shell/dom.js";
-import { number, unitText, words } from "../shell/format.js";
+import { number, quantity, unitText, words } from "../shell/format.js";
 import { changed } from "./draft.js";
 import { field } from "./fields.js";
 
@@ -300,7 +300,7 @@ function expected(job, { about, free }) {
               ? `${number(100 * share[0], 2)} to ${number(100 * share[1], 2)} % of the range`
               : null,
           },
-          `${place}± ${number(error, 2)} ${about.unit === "1" ? "" : about.unit}`,
+          `${place}± ${quantity(number(error, 2), about.unit)}`,
           share && share[1] > WEAK
             ? [
                 " ",

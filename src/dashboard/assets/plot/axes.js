@@ -1,7 +1,7 @@
 // @ts-check
 // The axes of a chart have ticks with texts.
 
-import { number, power } from "../shell/format.js";
+import { number, power, unitSigns } from "../shell/format.js";
 
 // The range covers the finite numbers of all columns, on a logarithmic axis only the positive numbers.
 export function rangeOf(columns, log) {
@@ -107,7 +107,7 @@ export const stepsOf = ({ whole }) => (whole ? { incrs: WHOLE_STEPS } : {});
 
 export function axisTitle(label, unit, exponent) {
   const factor = exponent === 0 ? "" : power(exponent);
-  const bracket = [factor, unit === "1" ? "" : unit].filter(Boolean).join("\u00a0");
+  const bracket = [factor, unit === "1" ? "" : unitSigns(unit)].filter(Boolean).join("\u00a0");
   return bracket ? `${label} [${bracket}]` : label;
 }
 

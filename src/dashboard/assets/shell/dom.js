@@ -29,8 +29,8 @@ export function svg(tag, attributes = {}, ...children) {
   return fill(document.createElementNS(SVG, tag), attributes, children);
 }
 
-// The table scrolls by itself where the page is narrow; a stacked table has its cells below each other there,
-// each with the title of its column.
+// The table scrolls by itself where the page is narrow; a stacked table has its cells below each other there, each
+// with the title of its column beside its content.
 export function table(caption, columns, rows, { empty = "Nothing here yet.", stacked = false } = {}) {
   if (rows.length === 0) {
     return h("p", { class: "quiet" }, empty);
@@ -39,7 +39,7 @@ export function table(caption, columns, rows, { empty = "Nothing here yet.", sta
     h(
       "td",
       { class: column.numeric ? "number" : null, "data-title": stacked ? column.title : null },
-      content,
+      stacked ? h("div", {}, content) : content,
     );
   return h(
     "div",
