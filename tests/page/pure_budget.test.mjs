@@ -39,7 +39,7 @@ test("the parts of each bar of the budget sum to a hundred per cent, and the res
   // The assumption below zero is summed with the one that it makes up for, so that no part is below zero.
   assert.ok(mass.parts.every(({ share }) => share > 0));
   const [, together] = mass.parts;
-  assert.deepEqual([together.look, together.members], ["source-0 together", TOGETHER]);
+  assert.deepEqual([together.look, together.members], ["source-0 summed", TOGETHER]);
   assert.ok(Math.abs(together.share - 0.35) < 1e-12);
   const rest = mass.parts.find(({ look }) => look === "rest");
   assert.equal(rest.detail, "assumption 1 2.1 %");

@@ -123,6 +123,13 @@ const ends = (middle, deviation) =>
     middle.map((value, k) => (value === null ? null : value + by * (deviation[k] ?? NaN))),
   );
 
+// Shares below zero are summed with the largest above zero, until the sum is no less than zero.
+function together(shares) {
+  const negative = shares.filter((share) => share < 0).reduce((sum, share) => sum + share, 0);
+  const positive = shares.filter((share) => share > 0).sort((a, b) => b - a);
+  return positive.reduce((sum, share) => (sum < 0 ? sum + share : sum), negative);
+}
+
 // The page computes numbers of the answers: ends of bands and bars, lengths of events, what the budget leaves, differences
 // of criteria, and errors as shares of values.
 function derivedFrom({ result, report, trajectory, disturbance }) {
@@ -133,7 +140,7 @@ function derivedFrom({ result, report, trajectory, disturbance }) {
     const key = experiment === null ? name : `${name}[${experiment}]`;
     const assumed = (result.budget ?? []).map(({ contributions }) => contributions[key]?.share ?? 0);
     const noise = (error / total) ** 2;
-    return [noise, 1 - noise - assumed.reduce((sum, share) => sum + share, 0)];
+    return [noise, 1 - noise - assumed.reduce((sum, share) => sum + share, 0), together(assumed)];
   };
   const tried = result.model_search?.tried ?? [];
   const { sample_time_s: step, signals } = result.inputs ?? {};

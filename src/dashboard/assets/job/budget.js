@@ -119,7 +119,7 @@ export function budgetBars({ budget, parameters }) {
       { source: "noise", look: "noise", share: noise, detail: `${error(parameter.standard_error)} alone` },
       {
         source: "assumptions together",
-        look: `${colour < 0 ? "rest" : `source-${colour}`} together`,
+        look: `${colour < 0 ? "rest" : `source-${colour}`} summed`,
         share: sumOf(together, shareOf),
         detail: shares(together),
         members: shares(together),
@@ -152,10 +152,10 @@ export function budgetBars({ budget, parameters }) {
   });
   const shown = new Map(
     bars.flatMap(({ parts }) =>
-      parts.map(({ source, look, members }) => [members ? "together" : look, source]),
+      parts.map(({ source, look, members }) => [members ? "summed" : look, source]),
     ),
   );
-  const looks = ["noise", "together", ...named.map((_, k) => `source-${k}`), "rest", "beside"];
+  const looks = ["noise", "summed", ...named.map((_, k) => `source-${k}`), "rest", "beside"];
   const sources = looks.filter((look) => shown.has(look)).map((look) => ({ look, source: shown.get(look) }));
   return { bars, sources };
 }

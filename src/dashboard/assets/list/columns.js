@@ -2,7 +2,16 @@
 // This module has the columns that the list of jobs can show, what stands in them, and how wide they are.
 // Its functions are pure.
 
-import { count, duration, modelText, number, quantity, withError, words } from "../shell/format.js";
+import {
+  count,
+  duration,
+  methodText,
+  modelText,
+  number,
+  quantity,
+  withError,
+  words,
+} from "../shell/format.js";
 import { FOLLOWS } from "../shell/prepared.js";
 import { ESTIMATE, LABEL, seconds } from "./filter.js";
 
@@ -32,7 +41,7 @@ export const COLUMNS = [
   { key: "name", title: "Job", text: titleOf, narrow: true, fixed: true },
   { key: "dataset", title: "Recording", text: ({ datasets }) => recordingsOf(datasets) },
   { key: "model", title: "Model", text: ({ model }) => modelText(model) },
-  { key: "method", title: "Method", text: ({ method }) => words(method ?? "") },
+  { key: "method", title: "Method", text: ({ method }) => methodText(method ?? "") },
   { key: "labels", title: "Labels", text: ({ labels }) => labelsText(labels) },
   { key: "duration", title: "Duration", text: durationOf, numeric: true },
   {

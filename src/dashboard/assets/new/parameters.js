@@ -128,8 +128,8 @@ function ownText({ experiments = [] }, entries) {
   const numbers = entries.map(([k]) => k + 1).join(", ");
   const text =
     entries.length === experiments.length
-      ? "an own one in each experiment"
-      : `an own one in experiment${entries.length > 1 ? "s" : ""} ${numbers}`;
+      ? "each experiment has its own"
+      : `its own in experiment${entries.length > 1 ? "s" : ""} ${numbers}`;
   return entries.length > 0 && h("div", { class: "quiet" }, text);
 }
 
@@ -279,7 +279,12 @@ function ownFields(job, row, entries) {
         ),
       ),
     );
-  return h("span", { class: "together" }, h("label", { class: "inline" }, toggle, "own"), values);
+  return h(
+    "span",
+    { class: "together" },
+    h("label", { class: "inline" }, toggle, "one in each", h("span", { class: "on-phones" }, " experiment")),
+    values,
+  );
 }
 
 function expected(job, { about, free }) {

@@ -89,7 +89,7 @@ function outlook({ identifiability, findings, predicted_cost: cost, budget }) {
   const flat = identifiability?.flat_directions ?? [];
   const warnings = findings.filter(({ code }) => code !== "not_identifiable");
   const predictions = identifiability?.predictions ?? [];
-  const known = mattering(budget ?? [], predictions);
+  const assumptions = mattering(budget ?? [], predictions);
   return [
     flat.length > 0 &&
       h(
@@ -111,7 +111,7 @@ function outlook({ identifiability, findings, predicted_cost: cost, budget }) {
         ),
       ),
     flat.length === 0 && warnings.length === 0 && h("p", {}, "Nothing to warn of."),
-    known.length > 0 &&
+    assumptions.length > 0 &&
       h(
         "div",
         {},
@@ -119,7 +119,7 @@ function outlook({ identifiability, findings, predicted_cost: cost, budget }) {
         h(
           "ul",
           {},
-          known.map((text) => h("li", {}, text)),
+          assumptions.map((text) => h("li", {}, text)),
         ),
       ),
     facts([

@@ -124,21 +124,34 @@ class StreamPage {
       show: (from, to) => plots.group.show([from, to]),
       changed: (spans) => plots.shade(spans),
     });
-    const name = h("input", { type: "text", maxlength: "200", placeholder: `${this.name}, part` });
+    const name = h("input", {
+      type: "text",
+      maxlength: "200",
+      size: "28",
+      placeholder: `${this.name}, part`,
+    });
     const button = (title, act, look) => h("button", { type: "button", class: look, onclick: act }, title);
     return [
-      h("h2", {}, "A part of the stream"),
-      plots.fields,
       h(
         "div",
-        { class: "panel fields" },
-        h("label", { class: "for-writers" }, "Name of the recording", name),
-        button("Cut a recording from this part", () => this.cut(name.value.trim()), "for-writers"),
-        button("Download the part as CSV", () => this.saveCsv()),
-        button("Remove these samples", () => this.removePart(), "danger"),
+        { class: "workbench" },
+        h(
+          "div",
+          {},
+          h("h2", {}, "A part of the stream"),
+          plots.fields,
+          h(
+            "div",
+            { class: "panel fields" },
+            h("label", { class: "for-writers" }, "Name of the recording", name),
+            button("Cut a recording from this part", () => this.cut(name.value.trim()), "for-writers"),
+            button("Download the part as CSV", () => this.saveCsv()),
+            button("Remove these samples", () => this.removePart(), "danger"),
+          ),
+          marks.element,
+        ),
+        plots.element,
       ),
-      marks.element,
-      plots.element,
     ];
   }
 

@@ -128,6 +128,17 @@ export function logarithmicSplits(_, __, low, high) {
   return axis([low, high], { log: true, steps: 4 }).ticks.map(([value]) => value);
 }
 
+// Large and small ticks of a logarithmic axis are all written with powers of ten.
+export function tickText(value) {
+  const exponent = Math.floor(Math.log10(value) + 1e-9);
+  const factor = number(value / 10 ** exponent, 3);
+  return exponent < 4 && exponent > -3
+    ? number(value, 3)
+    : factor === "1"
+      ? power(exponent)
+      : `${factor}·${power(exponent)}`;
+}
+
 // A logarithmic axis fits the values; whole decades would leave most of it empty.
 export function logarithmicRange(_, low, high) {
   if (!(low > 0) || !(high > 0)) {

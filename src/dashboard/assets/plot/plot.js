@@ -15,7 +15,15 @@
 import uPlot from "/assets/vendor/uplot-1.6.32.min.js";
 import { h } from "../shell/dom.js";
 import { number, quantity, unitSigns, unitText } from "../shell/format.js";
-import { logarithmicRange, logarithmicSplits, paddedRange, rangeFromZero, rangeOf, stepsOf } from "./axes.js";
+import {
+  logarithmicRange,
+  logarithmicSplits,
+  paddedRange,
+  rangeFromZero,
+  rangeOf,
+  stepsOf,
+  tickText,
+} from "./axes.js";
 import { READER } from "./clock.js";
 import { legendOf } from "./legend.js";
 import { nearest, sampleAt } from "./math.js";
@@ -263,7 +271,7 @@ class Plot {
           space: Math.max(18, Math.min(34, this.height / 8)),
           size: (_, texts) => this.axisWidth(texts),
           values: (_, splits) =>
-            splits.map((value) => (value === null ? "" : number(value, this.y.log ? 2 : 6))),
+            splits.map((value) => (value === null ? "" : this.y.log ? tickText(value) : number(value, 6))),
         },
       ],
       series: [

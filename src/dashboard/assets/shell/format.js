@@ -159,6 +159,11 @@ export function words(name) {
   return name.replaceAll("_", " ");
 }
 
+const METHODS = { cma_es: "CMA-ES", icra_genetic: "ICRA genetic", multistart_lm: "multistart LM" };
+
+/** Names a method of the search. @param {string} method */
+export const methodText = (method) => METHODS[method] ?? words(method);
+
 // Names an assumption in words: `pump.input_gain` is the input gain of pump.
 /** @param {string} assumption */
 export function assumptionWords(assumption) {
