@@ -236,7 +236,7 @@ test("own equations are checked as they are typed, tried and made a job, by keyb
     () => document.body.innerText.includes("position, measured and simulated"),
     PATIENCE,
   );
-  assert.match(await text(page, "table"), /friction.*N\*s\/m/s);
+  assert.match(await text(page, "table"), /friction.*N·s\/m/s);
   // The completion lists the names in scope, and the keyboard finds its way out.
   await page.keyboard.sendCharacter("  extra: {unit: m, expression: so");
   await page.keyboard.down("Control");
@@ -355,7 +355,7 @@ test("jobs are searched, sorted, kept up to date and compared", { skip }, async 
   await page.click(box(shared.jobs[1]));
   await page.click("::-p-text(Compare 2)");
   await says(page, "What was asked differently");
-  await says(page, "/method/name");
+  await says(page, "method › name");
   assert.deepEqual(page.faults, []);
   await page.close();
 });

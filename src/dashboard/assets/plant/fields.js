@@ -59,7 +59,8 @@ export function instantField(page, title, path) {
       page.at(path, Number.isFinite(seconds) ? isoBefore(seconds) : undefined);
     },
   });
-  return pointed(h("label", {}, `${title}, ${zoneName()}`, input), path);
+  const [about, note = ""] = title.split(/(?= \()/);
+  return pointed(h("label", {}, `${about}, ${zoneName()}${note}`, input), path);
 }
 
 export function choice(title, options, chosen, act) {

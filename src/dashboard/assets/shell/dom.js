@@ -135,9 +135,13 @@ export function warningList(warnings) {
   );
 }
 
-// Makes code of the names that stand between back-ticks in a text.
-export function quoted(text) {
-  return text.split("`").map((part, k) => (k % 2 ? h("code", {}, part) : part));
+// Makes code of the names that stand between back-ticks in a text, or what `said` makes of them, and writes numbers
+// below zero with a minus.
+/** @param {string} text @param {(name: string) => any} [said] */
+export function quoted(text, said = () => null) {
+  return text
+    .split("`")
+    .map((part, k) => (k % 2 ? (said(part) ?? h("code", {}, part)) : part.replace(/(?<=[ (])-(?=\d)/g, "−")));
 }
 
 // A notice is the place for the outcome of the last action; a new outcome replaces the former.
