@@ -268,7 +268,7 @@ test("a wide page has experiments beside each other, and a phone shows all of a 
   });
   await page.waitForSelector(".experiments > div:nth-child(3) .surface", PATIENCE);
   const places = () =>
-    page.$$eval(".experiments > div", (parts) => parts.map((part) => part.getBoundingClientRect()));
+    page.$$eval(".experiments > div", (parts) => parts.map((part) => part.getBoundingClientRect().toJSON()));
   const [first, second] = await places();
   assert.ok(first.top === second.top && first.right < second.left, JSON.stringify([first, second]));
   await page.setViewport({ width: 390, height: 844 });
