@@ -259,7 +259,10 @@ async fn submit(
     let task = JobTask::Design(task);
     let job = NewJob {
         project: client.project,
-        name: Some(format!("design for {}", ready.spec.wanted.join(", "))),
+        name: Some(format!(
+            "design for {}",
+            ready.spec.wanted.join(", ").replace('_', " ")
+        )),
         labels: BTreeMap::new(),
         model: ready.spec.job.model.clone(),
         datasets: task.recordings(),

@@ -155,7 +155,7 @@ pub async fn select(
         name: Some(format!(
             "windows of {} for {}",
             spec.stream,
-            spec.wanted.join(", ")
+            spec.wanted.join(", ").replace('_', " ")
         )),
         labels: BTreeMap::new(),
         model: past.spec.model.clone(),

@@ -60,7 +60,7 @@ pub struct MethodRow {
 /// Many values in short.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, ToSchema)]
 pub struct Spread {
-    /// The middle value.
+    /// The middle value; of an even number of values, the mean of the two in the middle.
     pub median: f64,
     /// The smallest value.
     pub least: f64,
@@ -72,8 +72,10 @@ impl Spread {
     fn of(values: impl Iterator<Item = f64>) -> Option<Spread> {
         let mut values: Vec<f64> = values.filter(|value| value.is_finite()).collect();
         values.sort_by(f64::total_cmp);
+        let above = *values.get(values.len() / 2)?;
+        let below = values[(values.len() - 1) / 2];
         Some(Spread {
-            median: *values.get(values.len() / 2)?,
+            median: f64::midpoint(below, above),
             least: *values.first()?,
             largest: *values.last()?,
         })
@@ -134,6 +136,16 @@ mod tests {
             seconds: 2.0,
             estimates: BTreeMap::from([("mass".to_owned(), mass)]),
         }
+    }
+
+    #[test]
+    fn the_median_of_an_even_number_of_values_is_the_mean_of_the_two_in_the_middle() {
+        let median =
+            |values: &[f64]| Spread::of(values.iter().copied()).map(|spread| spread.median);
+        assert_eq!(median(&[4.0, 1.0]), Some(2.5));
+        assert_eq!(median(&[8.0, 1.0, 2.0, 4.0]), Some(3.0));
+        assert_eq!(median(&[8.0, f64::NAN, 1.0, 2.0]), Some(2.0));
+        assert_eq!(median(&[f64::NAN]), None);
     }
 
     #[test]

@@ -215,7 +215,7 @@ test("a monitor is moved to another window and made again like itself", { skip }
   await press(page, "Move");
   await says(page, "Waits for window 10");
   await press(page, "Use as template");
-  await says(page, "as it is (positioning_drive)");
+  await says(page, "as it is (positioning drive)");
   const length = await labelled(page, "Length of a window");
   assert.equal(await length.evaluate((input) => input.value), String(WINDOW_S));
   await press(page, "The specification as text");

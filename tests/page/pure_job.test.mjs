@@ -8,7 +8,6 @@ const part = (name) => import(new URL(`../../src/dashboard/assets/${name}`, impo
 const { recordingsOfDraft } = await part("new/draft.js");
 const { longestUnused, movedWindow, partWithin, specifiedWindow } = await part("plot/math.js");
 const { criterionChange, followed, moves } = await part("job/ancestry.js");
-const { budgetBars, placedParts, shareText } = await part("job/budget.js");
 const { correlationText } = await part("job/correlation.js");
 const { judged } = await part("job/effects.js");
 const { faultsInWords, patchOf, wordsOf } = await part("job/naming.js");
@@ -17,7 +16,6 @@ const { AxisWidths } = await part("plot/axes.js");
 const { clockOf } = await part("plot/clock.js");
 const { choices, recordedUnit, shownUnit, toShown } = await part("plot/units.js");
 const { withGaps } = await part("plot/math.js");
-const { unknownsText } = await part("new/preflight.js");
 const { toleranceOf } = await part("model/parameters.js");
 const { failureList } = await part("list/bulk.js");
 const { columnsOffered, columnsShown, USUAL, widthNeeded, widthsIn } = await part("list/columns.js");
@@ -226,54 +224,6 @@ test("no line crosses a span without samples", () => {
   ]);
 });
 
-// The budget of two parameters: eleven assumptions, of which the last makes up for another.
-const BUDGET = {
-  parameters: [
-    { name: "mass", unit: "kg", standard_error: 3, total_standard_error: 5 },
-    { name: "friction", unit: "N", standard_error: 1, total_standard_error: 2 },
-    { name: "gain", unit: "1", standard_error: 1, total_standard_error: null },
-  ],
-  budget: Array.from({ length: 11 }, (_, k) => {
-    const share = k === 10 ? -0.05 : k === 0 ? 0.4 : 0.02 + 0.001 * k;
-    const contributions = { mass: { share, standard_error: 1, total_if_better: 2 } };
-    return { assumption: `assumption_${k}`, value: 1, tolerance: 1, unit: "1", contributions };
-  }),
-};
-
-test("the parts of each bar of the budget sum to a hundred per cent, and the rest is named", () => {
-  const { bars, sources } = budgetBars(BUDGET);
-  assert.deepEqual(
-    bars.map(({ key }) => key),
-    ["mass", "friction"],
-  );
-  for (const { parts } of bars) {
-    assert.ok(Math.abs(parts.reduce((sum, { share }) => sum + share, 0) - 1) < 1e-12);
-  }
-  const [mass, friction] = bars;
-  assert.equal(mass.parts[0].share, 9 / 25);
-  assert.equal(mass.parts[1].source, "assumption 0");
-  const rest = mass.parts.find(({ look }) => look === "rest");
-  assert.equal(rest.detail, "assumption 1 2.1 %");
-  assert.deepEqual(
-    friction.parts.map(({ look, share }) => [look, share]),
-    [
-      ["noise", 0.25],
-      ["beside", 0.75],
-    ],
-  );
-  assert.equal(sources.length, 13);
-});
-
-test("a share below zero stands left of zero", () => {
-  assert.deepEqual(placedParts([{ share: 0.75 }, { share: -0.25 }, { share: 0.5 }]), [
-    { from: 0, to: 0.75 },
-    { from: -0.25, to: 0 },
-    { from: 0.75, to: 1.25 },
-  ]);
-  assert.equal(shareText(0.4137), "41.4 %");
-  assert.equal(shareText(-0.0012), "−0.12 %");
-});
-
 test("a correlation near one is written with its distance from one", () => {
   assert.equal(correlationText(-0.997), "−0.997");
   assert.equal(correlationText(0.5), "0.5");
@@ -434,15 +384,6 @@ test("a saved view takes the place of a view of the same name", () => {
     { name: "all", query: "" },
     { name: "low", query: "?trust=low&group=model" },
   ]);
-});
-
-test("initial states are told apart from the parameters among the unknowns", () => {
-  const mass = { name: "mass", unit: "kg" };
-  const position = { name: "position", unit: "m", experiment: 0 };
-  assert.equal(unknownsText(2, [mass, position]), "2, of them initial states 1");
-  assert.equal(unknownsText(1, [{ ...mass, experiment: null }]), "1");
-  const second = { name: "mass[1]", unit: "kg", experiment: 1 };
-  assert.equal(unknownsText(3, [mass, second, position]), "3, of them initial states 1");
 });
 
 test("windows of a recording keep within it, and the longest unused part is told", () => {

@@ -123,6 +123,13 @@ const ends = (middle, deviation) =>
     middle.map((value, k) => (value === null ? null : value + by * (deviation[k] ?? NaN))),
   );
 
+// Shares below zero are summed with the largest above zero, until the sum is no less than zero.
+function together(shares) {
+  const negative = shares.filter((share) => share < 0).reduce((sum, share) => sum + share, 0);
+  const positive = shares.filter((share) => share > 0).sort((a, b) => b - a);
+  return positive.reduce((sum, share) => (sum < 0 ? sum + share : sum), negative);
+}
+
 // The page computes numbers of the answers: ends of bands and bars, lengths of events, what the budget leaves, differences
 // of criteria, and errors as shares of values.
 function derivedFrom({ result, report, trajectory, disturbance }) {
@@ -133,7 +140,7 @@ function derivedFrom({ result, report, trajectory, disturbance }) {
     const key = experiment === null ? name : `${name}[${experiment}]`;
     const assumed = (result.budget ?? []).map(({ contributions }) => contributions[key]?.share ?? 0);
     const noise = (error / total) ** 2;
-    return [noise, 1 - noise - assumed.reduce((sum, share) => sum + share, 0)];
+    return [noise, 1 - noise - assumed.reduce((sum, share) => sum + share, 0), together(assumed)];
   };
   const tried = result.model_search?.tried ?? [];
   const { sample_time_s: step, signals } = result.inputs ?? {};
@@ -235,4 +242,35 @@ test("every number of a job's form is one of the API's", { skip }, async (t) => 
     }
   }
   t.diagnostic(judge(pages, MOST_NEIGHBOURS));
+});
+
+test("a wide page has experiments beside each other, and a phone shows all of a matrix and of a budget", {
+  skip,
+}, async () => {
+  const page = await open(`/#/jobs/${shared.jobs["several experiments"]}`, {
+    width: 1920,
+    height: 1000,
+    scheme: "light",
+  });
+  await page.waitForSelector(".experiments > div:nth-child(3) .surface", PATIENCE);
+  const places = () =>
+    page.$$eval(".experiments > div", (parts) => parts.map((part) => part.getBoundingClientRect().toJSON()));
+  const [first, second] = await places();
+  assert.ok(first.top === second.top && first.right < second.left, JSON.stringify([first, second]));
+  await page.setViewport({ width: 390, height: 844 });
+  // The parts go back to their places where the page is narrow.
+  await page.waitForSelector(".analysis > [data-part='Uncertainty budget'] .stack", PATIENCE);
+  const [above, below] = await places();
+  assert.ok(above.left === below.left && above.bottom <= below.top, JSON.stringify([above, below]));
+  const cut = await page.$$eval(".matrix, .stack-row", (parts) =>
+    parts.filter((part) => part.scrollWidth > part.clientWidth).map((part) => part.className),
+  );
+  assert.deepEqual(cut, []);
+  // Shares that make up for each other are a single part, so that no part lies below zero.
+  await page.goto(`${base}/#/jobs/${shared.jobs["two outputs and initial states"]}`);
+  await page.waitForSelector(".share.summed", PATIENCE);
+  assert.equal(await page.$(".first-above"), null);
+  assert.match(await page.$eval(".stack-members", ({ textContent }) => textContent), /^Together .* %: .* −/);
+  assert.deepEqual(page.faults, []);
+  await page.close();
 });

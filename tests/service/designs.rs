@@ -222,7 +222,7 @@ async fn a_design_is_a_job_where_the_client_prefers_that() {
         (&job["kind"], &job["status"]),
         (&json!("design"), &json!("queued"))
     );
-    assert_eq!(job["name"], "design for mass, viscous_friction");
+    assert_eq!(job["name"], "design for mass, viscous friction");
     let id = job["id"].as_str().unwrap();
     let path = format!("/v1/jobs/{id}");
     assert_eq!(answer.header("location"), path);

@@ -71,7 +71,8 @@ impl TriedStep {
                 return ", and no estimate moves".to_owned();
             }
             format!(
-                ", and {name} moves furthest, by {} of its total standard errors",
+                ", and {} moves furthest, by {} of its total standard errors",
+                name.replace('_', " "),
                 short(moved, DIGITS)
             )
         });

@@ -159,7 +159,7 @@ fn every_parameter_is_accounted_for_and_every_row_has_its_unit() {
         assert!(written.count() >= 1, "{name} in {text}");
     }
     assert!(text.contains("## Likelihood profiles"), "{text}");
-    assert!(text.contains("```text\nposition' = v\n"), "{text}");
+    assert!(text.contains("```text\nx' = v\n"), "{text}");
     for empty in ["<td></td>", "|  |"] {
         let before_signatures = page.split("<h2>Sign-off</h2>").next().unwrap_or_default();
         assert!(

@@ -6,7 +6,16 @@ import { seconds } from "../list/filter.js";
 import { badge, trustBadge } from "../list/rows.js";
 import { get } from "../shell/api.js";
 import { h, notice, svg, table } from "../shell/dom.js";
-import { duration, number, percent, unitText, withError, words } from "../shell/format.js";
+import {
+  duration,
+  methodText,
+  modelText,
+  number,
+  percent,
+  unitText,
+  withError,
+  words,
+} from "../shell/format.js";
 import { commonRange, differences, intervalOf, isOfTheModel, place, sideBySide } from "./differences.js";
 import { byKind, KINDS, numbersOf, remark } from "./kinds.js";
 import { drawOutputs } from "./outputs.js";
@@ -71,8 +80,8 @@ function parts(runs, outputs) {
     [tag(k), " ", String(k + 1), ": ", h("a", { href: `#/jobs/${job.id}` }, title)],
     badge(job.status),
     result?.verdict ? trustBadge(result.verdict.trust) : "–",
-    job.model,
-    job.spec.method ? words(job.spec.method.name) : KINDS[job.kind].name,
+    modelText(job.model),
+    job.spec.method ? methodText(job.spec.method.name) : KINDS[job.kind].name,
     fits(result, "estimation"),
     fits(result, "validation"),
     seconds(job, Date.now()) === null ? "–" : duration(seconds(job, Date.now())),
@@ -86,7 +95,7 @@ function parts(runs, outputs) {
     "Fit, estimated from",
     "Fit, held back",
     "Duration",
-  ].map((title) => ({ title }));
+  ].map((title) => ({ title, numeric: title === "Duration" }));
   const rows = sideBySide(runs.map(({ result }) => result));
   const models = new Set(runs.map(({ job }) => job.model)).size;
   const remarks = [
@@ -126,8 +135,11 @@ function askedDifferently(kind, runs) {
   const drawn = (caption, shownLines) =>
     table(
       caption,
-      [{ title: "Where" }, ...runs.map(({ k }) => ({ title: `Job ${k + 1}` }))],
-      shownLines.map(([pointer, values]) => [h("code", {}, pointer), ...values.map(shown)]),
+      [{ title: "Where in the specification" }, ...runs.map(({ k }) => ({ title: `Job ${k + 1}` }))],
+      shownLines.map(([pointer, values]) => [
+        h("span", { title: pointer }, placeText(pointer)),
+        ...values.map(shown),
+      ]),
       { empty: "Nothing: the specifications are the same.", stacked: true },
     );
   return [
@@ -141,6 +153,12 @@ function askedDifferently(kind, runs) {
         drawn(`Parts of the different models, ${title}`, apart),
       ),
   ].filter(Boolean);
+}
+
+// Writes a pointer as the way to a member: `/experiments/0/window/to_s` becomes "experiments › 1 › window › to s".
+function placeText(pointer) {
+  const parts = pointer.split("/").filter(Boolean);
+  return parts.map((part) => (/^\d+$/.test(part) ? String(Number(part) + 1) : words(part))).join(" › ");
 }
 
 function fits(result, part) {

@@ -5,7 +5,7 @@
 import { badge } from "../list/rows.js";
 import { get, items, pause, query } from "../shell/api.js";
 import { facts, h, notice, table } from "../shell/dom.js";
-import { count, duration, instant, number, percent, words } from "../shell/format.js";
+import { count, duration, instant, methodText, number, percent } from "../shell/format.js";
 
 const REFRESH_MS = 3000;
 
@@ -14,12 +14,7 @@ export function showComparisons(view) {
   const list = h("div", {});
   const state = { rows: [], next: null };
   const more = h("button", { type: "button", hidden: true, onclick: () => read() }, "Older comparisons");
-  const columns = [
-    { title: "Comparison" },
-    { title: "Created" },
-    { title: "Runs", numeric: true },
-    { title: "Ended", numeric: true },
-  ];
+  const columns = [{ title: "Started" }, { title: "Runs", numeric: true }, { title: "Ended", numeric: true }];
   const read = async () => {
     try {
       const { data } = await get(`/v1/comparisons${query({ page_token: state.next })}`, view.signal);
@@ -31,12 +26,11 @@ export function showComparisons(view) {
           "Comparisons",
           columns,
           state.rows.map((row) => [
-            h("a", { href: `#/comparisons/${row.id}` }, row.id),
-            instant(row.created_at),
+            h("a", { href: `#/comparisons/${row.id}`, title: row.id }, instant(row.created_at)),
             count(row.runs),
             count(row.ended),
           ]),
-          { empty: "No comparisons yet. A job's page can start one: “Compare methods”." },
+          { empty: "No comparisons yet. A job's page can start one: “Compare methods”.", stacked: true },
         ),
       );
     } catch (error) {
@@ -95,15 +89,15 @@ function parts(comparison) {
     { title: "Found the lowest cost", numeric: true },
     { title: "Evaluations", numeric: true },
     { title: "Time", numeric: true },
-    { title: "Cost over the lowest", numeric: true },
+    { title: "Cost, lowest = 1", numeric: true },
     { title: "Estimates differ by", numeric: true },
   ];
   const rows = comparison.methods.map((method) => [
-    words(method.method),
+    methodText(method.method),
     method.runs ? `${method.found} of ${method.runs} (${percent((100 * method.found) / method.runs)})` : "–",
     spread(method.evaluations, (value) => count(Math.round(value))),
     spread(method.seconds, duration),
-    spread(method.cost_ratio, (value) => number(value)),
+    spread(method.cost_ratio, (value) => `× ${number(value)}`),
     spread(method.deviation_percent, (value) => `${number(value, 3)} %`),
   ]);
   const names = comparison.jobs
@@ -119,25 +113,40 @@ function parts(comparison) {
     h(
       "p",
       { class: "quiet" },
-      "Numbers are medians, with the least and the largest below. A run has found the lowest cost when its cost is within 1 % of it. That says nothing about a minimum that none of them found.",
+      "The numbers of a method are medians over its runs, each with the least and the largest. A run has found the lowest cost when its cost is within 1 % of it. That says nothing about a minimum that none of them found.",
     ),
-    table("Methods", columns, rows, { empty: "No run has ended yet.", stacked: true }),
     h(
       "div",
-      { class: "actions" },
-      h("a", { class: "button", href: `#/compare?jobs=${names}` }, "Compare the first runs in detail"),
-      h("a", { class: "button", href: `#/jobs?label=comparison:${comparison.id}` }, "The jobs in the list"),
-    ),
-    h("h2", {}, "Runs"),
-    table(
-      "Runs",
-      [{ title: "Method" }, { title: "Seed", numeric: true }, { title: "Status" }, { title: "Job" }],
-      comparison.jobs.map((job) => [
-        words(job.method),
-        String(job.seed),
-        badge(job.status),
-        h("a", { href: `#/jobs/${job.id}` }, job.id),
-      ]),
+      { class: "workbench" },
+      h(
+        "div",
+        {},
+        h("h2", {}, "Methods"),
+        table("Methods", columns, rows, { empty: "No run has ended yet.", stacked: true }),
+        h(
+          "div",
+          { class: "actions" },
+          h("a", { class: "button", href: `#/compare?jobs=${names}` }, "Compare the first runs in detail"),
+          h(
+            "a",
+            { class: "button", href: `#/jobs?label=comparison:${comparison.id}` },
+            "Show the runs in the list of jobs",
+          ),
+        ),
+      ),
+      h(
+        "div",
+        {},
+        h("h2", {}, "Runs"),
+        table(
+          "Runs",
+          [{ title: "Run" }, { title: "Status" }],
+          comparison.jobs.map(({ id, method, seed, status }) => [
+            h("a", { href: `#/jobs/${id}`, title: id }, `${methodText(method)}, seed ${seed}`),
+            badge(status),
+          ]),
+        ),
+      ),
     ),
   ];
 }

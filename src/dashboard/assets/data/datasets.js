@@ -26,7 +26,7 @@ const COLUMNS = [
   { title: "Duration", numeric: true },
   { title: "Sample time", numeric: true },
   { title: "Signals" },
-  { title: "Warnings", numeric: true },
+  { title: "Warnings" },
   { title: "Marks" },
   { title: "Created" },
 ];
@@ -72,7 +72,7 @@ export function showDatasets(view) {
 function datasetRow(dataset) {
   const warnings = dataset.report?.warnings?.length ?? 0;
   return [
-    h("a", { href: `#/datasets/${dataset.id}` }, dataset.name || dataset.id),
+    h("a", { href: `#/datasets/${dataset.id}`, title: dataset.id }, dataset.name || "unnamed"),
     count(dataset.samples),
     duration(dataset.duration_s),
     sampleTime(dataset),
@@ -95,7 +95,7 @@ export function showDataset(view, id) {
   view.root.append(heading, outcome.place, content);
   get(`/v1/datasets/${id}`, view.signal)
     .then(({ data }) => {
-      heading.textContent = data.name || data.id;
+      heading.textContent = data.name || "Unnamed dataset";
       document.title = `${heading.textContent} · greybox`;
       content.append(...datasetParts(view, data, outcome));
     })
@@ -124,11 +124,18 @@ function datasetParts(view, dataset, outcome) {
       ["Samples", count(dataset.samples)],
       ["Duration", duration(dataset.duration_s)],
       ["Sample time", sampleTime(dataset)],
-      ["First sample", clockOf(dataset)?.text(0) ?? "its source did not say when"],
+      ["First sample", clockOf(dataset)?.text(0) ?? "not dated by its source"],
       ["Time zone", dataset.start ? dataset.zone || "UTC" : null],
       ["Created", instant(dataset.created_at)],
       ["Digest", h("code", { class: "digest" }, dataset.digest)],
     ]),
+    h("div", { class: "workbench" }, h("div", {}, ...about(dataset, warnings, marking)), samples.element),
+  ];
+}
+
+// What is known of a dataset beside its samples.
+function about(dataset, warnings, marking) {
+  return [
     h("h2", {}, "Quality"),
     warnings.length ? qualityList(warnings, marking) : h("p", {}, "No warnings."),
     marking.versions.element,
@@ -148,7 +155,6 @@ function datasetParts(view, dataset, outcome) {
       }),
       { stacked: true },
     ),
-    samples.element,
   ];
 }
 

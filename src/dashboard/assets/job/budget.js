@@ -4,13 +4,14 @@
 
 import { keyOf } from "../compare/differences.js";
 import { h } from "../shell/dom.js";
-import { number, quantity, words } from "../shell/format.js";
+import { assumptionWords, number, quantity } from "../shell/format.js";
 import { heatTable } from "./heat.js";
 import { readable } from "./reading.js";
 import { unknownWords } from "./unknowns.js";
 
 /** @typedef {import("page/api").Schemas["BudgetLine"]} BudgetLine */
-/** @typedef {{ source: string, look: string, share: number, detail: string }} Share */
+/** @typedef {{ source: string, look: string, share: number, detail: string, members?: string }} Share */
+/** @typedef {(line: BudgetLine) => number} ShareOf */
 
 // A colour is given to this many assumptions; all further ones are listed by name in one part.
 const MOST_NAMED = 10;
@@ -21,6 +22,9 @@ const LEAST_WRITTEN = 0.07;
 const SCORE_LIMIT = 4;
 // A share that is smaller is what rounding leaves of a sum.
 const ROUNDING = 1e-9;
+
+const TOGETHER =
+  "Striped parts are several assumptions together: an error of one of them makes up for a part of the error of another, so that their sum alone is a share, and one by one they may be below zero or above 100 %.";
 
 /** @param {{ budget: BudgetLine[], parameters: any[] }} result */
 export function budgetPart(result) {
@@ -33,52 +37,104 @@ export function budgetPart(result) {
       "p",
       { class: "quiet" },
       "The parts of each bar are shares of the square of the total standard error, and sum to 100 %.",
-      bars.some(({ parts }) => parts.some(({ share }) => share < 0))
-        ? " Parts left of the upright line are below zero: such an assumption makes up for another."
-        : "",
+      bars.some(({ parts }) => parts.some(({ members }) => members)) ? ` ${TOGETHER}` : "",
     ),
     h("details", {}, h("summary", {}, "Budget as a table"), budgetTable(result)),
   );
 }
 
+/** @param {BudgetLine[]} lines @param {ShareOf} shareOf */
+const sumOf = (lines, shareOf) => lines.reduce((sum, line) => sum + shareOf(line), 0);
+
 /**
- * The bars of the budget: for each parameter the shares of the noise, of the assumptions with the largest
- * shares, of the remaining assumptions together, and of what the total covers beside the budget. The
- * shares of a bar sum to 1.
+ * Adds others to lines, in their order, until the shares of all sum to no less than zero.
+ *
+ * @param {BudgetLine[]} lines
+ * @param {BudgetLine[]} others
+ * @param {ShareOf} shareOf
+ */
+function filledUp(lines, others, shareOf) {
+  const all = [...lines];
+  for (const line of others) {
+    if (sumOf(all, shareOf) >= 0) {
+      break;
+    }
+    all.push(line);
+  }
+  return all;
+}
+
+/**
+ * Sorts the assumptions of a bar into those that are summed since some of their shares are below zero, those that stand
+ * alone, and the remaining ones. A share below zero that cannot be seen is summed with the remaining ones.
+ *
+ * @param {BudgetLine[]} lines The largest first.
+ * @param {BudgetLine[]} named Those that have a colour.
+ * @param {ShareOf} shareOf
+ */
+export function sorted(lines, named, shareOf) {
+  const negative = lines.filter((line) => shareOf(line) < 0);
+  const positive = lines.filter((line) => shareOf(line) > 0).sort((a, b) => shareOf(b) - shareOf(a));
+  const isSeen = sumOf(negative, shareOf) <= -LEAST_NAMED;
+  const together = isSeen ? filledUp(negative, positive, shareOf) : [];
+  const alone = named.filter((line) => shareOf(line) >= LEAST_DRAWN && !together.includes(line));
+  const unnamed = lines.filter((line) => !alone.includes(line) && !together.includes(line));
+  const smallest = positive.filter((line) => alone.includes(line)).reverse();
+  const rest = filledUp(unnamed, smallest, shareOf);
+  return {
+    together: together.sort((a, b) => Math.abs(shareOf(b)) - Math.abs(shareOf(a))),
+    alone: alone.filter((line) => !rest.includes(line)),
+    rest,
+  };
+}
+
+/**
+ * The bars of the budget: for each parameter the shares of the noise, of assumptions that make up for each other
+ * together, of the assumptions with the largest shares, of the remaining assumptions together, and of what the total
+ * covers beside the budget. The shares of a bar sum to 1.
  *
  * @param {{ budget: BudgetLine[], parameters: any[] }} result
  */
 export function budgetBars({ budget, parameters }) {
   const total = parameters.filter((parameter) => remainderOf(parameter, budget));
   const keys = total.map(keyOf);
-  const shareOf = ({ contributions }, key) => contributions[key]?.share ?? 0;
-  const largest = (line) => Math.max(0, ...keys.map((key) => Math.abs(shareOf(line, key))));
+  const shareIn = (/** @type {BudgetLine} */ { contributions }, key) => contributions[key]?.share ?? 0;
+  const largest = (line) => Math.max(0, ...keys.map((key) => Math.abs(shareIn(line, key))));
   const lines = [...budget].sort((a, b) => largest(b) - largest(a));
   const named = lines.filter((line) => largest(line) >= LEAST_NAMED).slice(0, MOST_NAMED);
   const bars = total.map((parameter) => {
     const key = keyOf(parameter);
     const { noise, beside } = remainderOf(parameter, budget);
-    // A share that is too small to be seen is listed with the remaining assumptions.
-    const drawn = named.filter((line) => Math.abs(shareOf(line, key)) >= LEAST_DRAWN);
-    const rest = lines.filter((line) => !drawn.includes(line));
+    const shareOf = (/** @type {BudgetLine} */ line) => shareIn(line, key);
+    const { together, alone, rest } = sorted(lines, named, shareOf);
+    const shares = (/** @type {BudgetLine[]} */ some) =>
+      some
+        .filter((line) => Math.abs(shareOf(line)) > ROUNDING)
+        .map((line) => `${assumptionWords(line.assumption)} ${shareText(shareOf(line))}`)
+        .join(", ");
+    const colour = named.indexOf(together.find((line) => shareOf(line) > 0) ?? together[0]);
     const error = (value) => `± ${quantity(number(value, 2), parameter.unit)}`;
     /** @type {Share[]} */
     const parts = [
       { source: "noise", look: "noise", share: noise, detail: `${error(parameter.standard_error)} alone` },
-      ...drawn.map((line) => ({
-        source: words(line.assumption),
+      {
+        source: "assumptions together",
+        look: `${colour < 0 ? "rest" : `source-${colour}`} summed`,
+        share: sumOf(together, shareOf),
+        detail: shares(together),
+        members: shares(together),
+      },
+      ...alone.map((line) => ({
+        source: assumptionWords(line.assumption),
         look: `source-${named.indexOf(line)}`,
-        share: shareOf(line, key),
+        share: shareOf(line),
         detail: `${error(line.contributions[key].standard_error)} alone; five times better known, ${error(line.contributions[key].total_if_better)} in all`,
       })),
       {
         source: "remaining assumptions",
         look: "rest",
-        share: rest.reduce((sum, line) => sum + shareOf(line, key), 0),
-        detail: rest
-          .filter((line) => Math.abs(shareOf(line, key)) > ROUNDING)
-          .map((line) => `${words(line.assumption)} ${shareText(shareOf(line, key))}`)
-          .join(", "),
+        share: sumOf(rest, shareOf),
+        detail: shares(rest),
       },
       {
         source: "beside the budget",
@@ -94,8 +150,12 @@ export function budgetBars({ budget, parameters }) {
       parts: parts.filter(({ share }) => share !== 0),
     };
   });
-  const shown = new Map(bars.flatMap(({ parts }) => parts.map(({ source, look }) => [look, source])));
-  const looks = ["noise", ...named.map((_, k) => `source-${k}`), "rest", "beside"];
+  const shown = new Map(
+    bars.flatMap(({ parts }) =>
+      parts.map(({ source, look, members }) => [members ? "summed" : look, source]),
+    ),
+  );
+  const looks = ["noise", "summed", ...named.map((_, k) => `source-${k}`), "rest", "beside"];
   const sources = looks.filter((look) => shown.has(look)).map((look) => ({ look, source: shown.get(look) }));
   return { bars, sources };
 }
@@ -157,13 +217,18 @@ function picture(bars, sources) {
     h(
       "div",
       { class: "stacks", role: "group", "aria-label": "Shares of the uncertainty, by parameter" },
-      bars.map(({ label, total }, row) =>
+      bars.map(({ label, total, parts }, row) =>
         h(
           "div",
           { class: "stack-row" },
           h("span", { class: "stack-name" }, label),
           h("span", { class: "stack" }, cells[row]),
           h("span", { class: "stack-total" }, total),
+          parts
+            .filter(({ members }) => members)
+            .map(({ members, share }) =>
+              h("span", { class: "stack-members quiet" }, `Together ${shareText(share)}: ${members}`),
+            ),
         ),
       ),
     ),
@@ -184,7 +249,7 @@ export function budgetTable({ budget, parameters }) {
     const { value, tolerance, unit, score, suggested, by_default } = line;
     return [
       {
-        text: `${number(value, 4)} ± ${number(tolerance, 2)} ${unit === "1" ? "" : unit}`,
+        text: quantity(`${number(value, 4)} ± ${number(tolerance, 2)}`, unit),
         title: by_default ? "nobody declared the tolerance" : null,
       },
       pullOf(score),
@@ -215,7 +280,7 @@ export function budgetTable({ budget, parameters }) {
       title,
     })),
   ];
-  const names = lines.map(({ assumption }) => words(assumption));
+  const names = lines.map(({ assumption }) => assumptionWords(assumption));
   names.push("noise alone");
   cells.push(row("noise", "what noise alone leaves unknown"));
   if (remainders.some((remainder) => remainder?.beside > 0.005)) {
@@ -234,7 +299,7 @@ export function budgetTable({ budget, parameters }) {
     h(
       "p",
       { class: "quiet" },
-      `Each parameter's column: which share of what is not known of it comes from which assumption. Beyond ± ${SCORE_LIMIT} σ the residuals contradict the value.`,
+      `Each parameter's column: which share of what is not known of it comes from which assumption. A share below zero makes up for others above it. Beyond ± ${SCORE_LIMIT} σ the residuals contradict the value.`,
       budget.some((line) => line.by_default)
         ? " A model document takes some of them as exact: their tolerances are defaults, and `tolerances` of the job says otherwise."
         : "",

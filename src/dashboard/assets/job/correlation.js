@@ -11,7 +11,6 @@ import { unknownWords } from "./unknowns.js";
 
 const CELL = 36;
 const LARGEST = 0.44 * CELL;
-const CHARACTER = 7.4;
 const HEAD = 22;
 
 // Writes a correlation; near one, its distance from one has to be seen.
@@ -29,8 +28,8 @@ export function correlationPart({ names, matrix, condition_number: condition }, 
     h(
       "p",
       { class: "quiet" },
-      "Near 1 or −1 the data fix a combination of the two better than either.",
-      Number.isFinite(condition) ? ` Condition number ${number(condition, 3)}.` : "",
+      "The larger a disc, the nearer the correlation is to 1 or −1: the data then fix a combination of the two better than either by itself.",
+      Number.isFinite(condition) ? ` Condition number ${number(condition, 3)}, where 1 is best.` : "",
     ),
     h("details", {}, h("summary", {}, "Correlations as a table"), correlationTable(inWords)),
   );
@@ -45,8 +44,7 @@ function correlationTable({ names, matrix }) {
 
 /** @param {{ names: string[], matrix: (number | null)[][] }} correlation */
 function picture({ names, matrix }) {
-  const short = names.map((name, k) => `${k + 1} ${name}`);
-  const left = CHARACTER * Math.max(...short.map(({ length }) => length)) + 8;
+  const left = HEAD;
   const size = { width: left + CELL * names.length + 2, height: HEAD + CELL * names.length + 2 };
   const readout = h("output", { class: "readout" }, "");
   const cells = names.map((_, i) =>
@@ -68,8 +66,12 @@ function picture({ names, matrix }) {
         String(k + 1),
       ),
     ),
-    short.map((name, i) =>
-      svg("text", { x: left - 8, y: HEAD + (i + 0.5) * CELL + 4, class: "tick end" }, name),
+    names.map((_, i) =>
+      svg(
+        "text",
+        { x: left - 6, y: HEAD + (i + 0.5) * CELL + 4, class: "tick end", "aria-hidden": "true" },
+        String(i + 1),
+      ),
     ),
     cells,
   );
@@ -83,7 +85,16 @@ function picture({ names, matrix }) {
       h("span", {}, sample(0.8), "rise together"),
       h("span", {}, sample(-0.8), "one rises as the other falls"),
     ),
-    h("div", { class: "scroll" }, drawn),
+    h(
+      "div",
+      { class: "matrix" },
+      h(
+        "ol",
+        {},
+        names.map((name) => h("li", {}, name)),
+      ),
+      drawn,
+    ),
     readout,
   );
 }

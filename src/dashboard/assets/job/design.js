@@ -6,6 +6,7 @@ import { plot } from "../plot/plot.js";
 import { h, table, warningList } from "../shell/dom.js";
 import { count, number, unitText, words } from "../shell/format.js";
 import { plainPanel } from "./plain.js";
+import { listed } from "./verdict.js";
 
 const KNOWN_COLUMNS = [
   { title: "Unknown" },
@@ -19,10 +20,13 @@ const KNOWN_COLUMNS = [
 const RANKED_COLUMNS = [
   { title: "Experiment" },
   { title: "What is played" },
-  { title: "Error against the best", numeric: true },
+  { title: "Error, best = 1", numeric: true },
 ];
 
-const SENSOR_COLUMNS = [{ title: "One sensor more" }, { title: "Error against without", numeric: true }];
+const SENSOR_COLUMNS = [{ title: "One sensor more" }, { title: "Error with it, without = 1", numeric: true }];
+
+const OF_THE_RANGE =
+  "Levels and amplitudes are shares of the range of the input: −1 is its lower limit, 1 its upper one.";
 
 const UNIT_OF = { s: "s", hz: "Hz" };
 
@@ -32,7 +36,7 @@ export function designPanel(view) {
     title: "The next experiment",
     counts: ({ progress }) => [["Experiments looked at", count(progress?.evaluations)]],
     interim: ({ assessed, best }) => [
-      h("p", {}, `Best of ${count(assessed)}: ${words(best.name)}, ${played(best.excitation)}.`),
+      h("p", {}, `Best of ${count(assessed)}: ${titled(best)}.`),
       knownTable([], best.after),
     ],
     report: (design) => report(design, view),
@@ -45,9 +49,8 @@ function report(design, view) {
     h(
       "p",
       {},
-      h("strong", {}, words(best.name)),
-      `, ${played(best.excitation)}, shrinks what is not known of ${design.wanted.map(words).join(", ")} most`,
-      design.finished ? "." : ", as far as was looked.",
+      h("strong", {}, titled(best)),
+      `: of the experiments looked at${design.finished ? "" : " so far"}, this one fixes ${listed(design.wanted)} best.`,
     ),
     design.findings.length > 0 && warningList(design.findings),
     h(
@@ -79,6 +82,8 @@ function comparison({ proposals, sensors }) {
       ]),
       { stacked: true },
     ),
+    proposals.some(({ excitation }) => "levels" in excitation || "amplitude" in excitation) &&
+      h("p", { class: "quiet" }, OF_THE_RANGE),
     sensors.length > 0 &&
       table(
         "Sensors compared",
@@ -128,6 +133,11 @@ function playedPlots({ inputs, proposals }, view) {
     );
     return chart.element;
   });
+}
+
+// A proposal that has the name of its kind is named once.
+function titled({ name, excitation }) {
+  return name === excitation.kind ? played(excitation) : `${words(name)}, ${played(excitation)}`;
 }
 
 // Writes the numbers of an excitation as text: `clock_s: 0.2` becomes "clock 0.2 s".

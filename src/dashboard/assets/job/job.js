@@ -6,7 +6,7 @@ import { versionName } from "../data/marks.js";
 import { badge, trustBadge } from "../list/rows.js";
 import { get, send } from "../shell/api.js";
 import { facts, h, notice, problemBox } from "../shell/dom.js";
-import { duration, instant, timeSpan } from "../shell/format.js";
+import { duration, instant, modelText, timeSpan } from "../shell/format.js";
 import { FOLLOWS, specOf } from "../shell/prepared.js";
 import { mayWrite } from "../shell/session.js";
 import { contentsOf, startTour } from "./contents.js";
@@ -48,16 +48,26 @@ export function showJob(view, id) {
   const page = h("div", { class: "with-contents" }, contents.element, parted);
   // The result stands first once there is a result; until then the progress stands first. A wide page has the
   // numbers and the plots beside each other, and what is behind the numbers below, or below the numbers where the
-  // column of the plots is long.
+  // column of the plots is long; the plots of several experiments stand beside each other, below the numbers.
+  const wide = matchMedia("(min-width: 100rem)");
+  let arranged = () => {};
   const arrange = (/** @type {any} */ estimate = null) => {
+    arranged = () => arrange(estimate);
     const hasResult = estimate !== null;
+    const isWide = hasResult && wide.matches;
+    const hasSeveral = isWide && feed.job.spec.experiments.length > 1;
     const { live, progress, result, trajectory, disturbance } = panels;
     const elements = (...shown) => shown.map(({ element }) => element);
+    // Parts that stood beside the numbers are taken back.
+    result.analysis.prepend(
+      ...columns.flatMap((column) => [...column.querySelectorAll(":scope > .analysed")]),
+    );
     columns[0].replaceChildren(...elements(...(hasResult ? [result] : [progress])));
-    columns[1].replaceChildren(...elements(...(hasResult ? [trajectory] : [live, result])));
+    columns[1].replaceChildren(...elements(...(hasSeveral ? [] : hasResult ? [trajectory] : [live, result])));
     below.replaceChildren(
       ...(hasResult
         ? [
+            ...(hasSeveral ? elements(trajectory) : []),
             ...elements(disturbance),
             result.analysis,
             ...elements(progress),
@@ -66,13 +76,14 @@ export function showJob(view, id) {
           ]
         : elements(trajectory, disturbance)),
     );
-    if (hasResult && isWide() && plotsOf(feed.job, estimate) > FEW_PLOTS) {
-      columns[0].append(...result.analysis.querySelectorAll(":scope > :not(.across)"));
+    if (hasSeveral || (isWide && plotsOf(feed.job, estimate) > FEW_PLOTS)) {
+      columns[hasSeveral ? 1 : 0].append(...result.analysis.querySelectorAll(":scope > :not(.across)"));
     }
     parted.append(parts.spec);
     body.append(page);
     contents.draw();
   };
+  wide.addEventListener("change", () => arranged(), { signal: view.signal });
   const note = h("p", { class: "note", hidden: true });
   const form = h("div", {});
   const edit = h(
@@ -116,7 +127,7 @@ export function showJob(view, id) {
     job: () => {
       const job = feed.job;
       body.hidden = false;
-      heading.textContent = job.name || `Unnamed job, ${job.model}`;
+      heading.textContent = job.name || `Unnamed job, ${modelText(job.model)}`;
       document.title = `${heading.textContent} · greybox`;
       note.textContent = job.note ?? "";
       panels.result.named(job);
@@ -187,7 +198,6 @@ export function showJob(view, id) {
   );
 }
 
-const isWide = () => matchMedia("(min-width: 100rem)").matches;
 // So many plots are as high as the numbers of an estimate.
 const FEW_PLOTS = 3;
 
@@ -233,7 +243,10 @@ function about(job) {
     .join(", ");
   return facts([
     ["Job", h("code", { class: "digest" }, job.id)],
-    ["Model", job.model],
+    [
+      "Model",
+      h("a", { href: `#/models/${encodeURIComponent(job.model)}`, title: job.model }, modelText(job.model)),
+    ],
     [
       datasets.length > 1 ? "Datasets" : "Dataset",
       datasets.length ? datasets.flatMap((link) => [link, " "]) : null,

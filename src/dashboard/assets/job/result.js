@@ -2,6 +2,7 @@
 // The panel shows the estimate: the verdict with its reasons, the parameters and the fit. While the
 // search runs, the panel shows the parameters of the best candidate so far.
 
+import { keyOf } from "../compare/differences.js";
 import { patched } from "../new/draft.js";
 import { download } from "../plot/save.js";
 import { get, query } from "../shell/api.js";
@@ -19,7 +20,7 @@ import { posteriorPart } from "./posterior.js";
 import { profiled, profilesPart } from "./profiles.js";
 import { residualsPart, startsPart } from "./residuals.js";
 import { bestTable, fitTable, initialStateTable, parameterTable } from "./tables.js";
-import { statesOf } from "./unknowns.js";
+import { statesOf, unknownWords } from "./unknowns.js";
 import { conclusions } from "./verdict.js";
 
 export function resultPanel(view) {
@@ -201,6 +202,20 @@ const POINTS_SHOWN = 4;
 const NO_STEP =
   "No change of this job is left that promises more: what is missing has to come from the plant, as another recording, a declared noise or another model.";
 
+const capital = (/** @type {string} */ text) => text.charAt(0).toUpperCase() + text.slice(1);
+
+// Names of unknowns and of outputs are written in words; other names stay as a specification has them.
+function namesSaid(result) {
+  const states = statesOf(result);
+  const names = new Set([
+    ...(result.parameters ?? []).map(keyOf),
+    ...(result.correlation?.names ?? []),
+    ...states.flatMap((state) => [state, `initial_${state}`]),
+    ...Object.keys(result.fit?.estimation ?? {}),
+  ]);
+  return (/** @type {string} */ name) => (names.has(name) ? h("em", {}, unknownWords(name, states)) : null);
+}
+
 function verdictBox(result, state) {
   const rules = state.rules ?? [];
   const { trust, summary, reasons = [] } = result.verdict ?? {};
@@ -208,11 +223,12 @@ function verdictBox(result, state) {
     return h("p", { class: "quiet" }, "No verdict: the job did not get as far as the analysis.");
   }
   const points = conclusions(result, rules);
+  const said = namesSaid(result);
   const item = ({ text, next }) =>
     h(
       "li",
       {},
-      quoted(text),
+      quoted(capital(text), said),
       next.length > 0 &&
         h(
           "ul",
@@ -234,7 +250,7 @@ function verdictBox(result, state) {
     "div",
     { class: `verdict ${trust}` },
     h("p", { class: "grade" }, h("strong", {}, GRADES[trust])),
-    summary && h("p", {}, quoted(summary)),
+    summary && h("p", {}, quoted(capital(summary), said)),
     points.length > 0 && h("ol", {}, points.slice(0, POINTS_SHOWN).map(item)),
     points.length > 0 && !points.some(({ next }) => next.length) && h("p", {}, NO_STEP),
     rest.length > 0 &&
@@ -255,7 +271,7 @@ function verdictBox(result, state) {
           reasons.map(({ code, detail }) => {
             const title = rules.find((rule) => rule.code === code)?.title ?? code;
             const chapter = h("a", { href: `/docs/verdicts#${code}`, title: code }, title);
-            return h("li", {}, quoted(detail), " ", chapter);
+            return h("li", {}, quoted(capital(detail), said), " ", chapter);
           }),
         ),
       ),

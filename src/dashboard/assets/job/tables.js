@@ -162,7 +162,7 @@ function onRange(estimate, scale) {
 }
 
 function nameCell(name, symbol) {
-  return [name, symbol && h("span", { class: "symbol" }, lowered(symbol))];
+  return [name, symbol && symbol !== name && h("span", { class: "symbol" }, lowered(symbol))];
 }
 
 // Writes `K_m` with a lowered m.

@@ -17,7 +17,7 @@ const NORMAL_95 = 1.96;
 
 export function trajectoryPanel(view, id) {
   const outcome = notice();
-  const charts = h("div", {});
+  const charts = h("div", { class: "experiments" });
   const element = h(
     "section",
     { "aria-label": "Outputs", "data-part": "Measured and simulated", hidden: true },
@@ -42,7 +42,9 @@ export function trajectoryPanel(view, id) {
         );
         for (const [k, experiment] of data.experiments.entries()) {
           const { length: number } = data.experiments;
-          draw({ place: charts, id, job, experiment, k, number, recording: recordings[k], signal, outcome });
+          const place = h("div", {});
+          charts.append(place);
+          draw({ place, id, job, experiment, k, number, recording: recordings[k], signal, outcome });
         }
       } catch (error) {
         outcome.fail(error);

@@ -2,7 +2,16 @@
 // This module has the columns that the list of jobs can show, what stands in them, and how wide they are.
 // Its functions are pure.
 
-import { count, duration, number, quantity, withError, words } from "../shell/format.js";
+import {
+  count,
+  duration,
+  methodText,
+  modelText,
+  number,
+  quantity,
+  withError,
+  words,
+} from "../shell/format.js";
 import { FOLLOWS } from "../shell/prepared.js";
 import { ESTIMATE, LABEL, seconds } from "./filter.js";
 
@@ -27,12 +36,12 @@ const WIDEST_TRUST = "moderate____";
 
 /** @type {Column[]} */
 export const COLUMNS = [
-  { key: "status", title: "Status", widest: "running 100 %___", narrow: true },
+  { key: "status", title: "Status", widest: "succeeded____", narrow: true },
   { key: "trust", title: "Trust", widest: WIDEST_TRUST, narrow: true },
   { key: "name", title: "Job", text: titleOf, narrow: true, fixed: true },
   { key: "dataset", title: "Recording", text: ({ datasets }) => recordingsOf(datasets) },
-  { key: "model", title: "Model", text: ({ model }) => model },
-  { key: "method", title: "Method", text: ({ method }) => words(method ?? "") },
+  { key: "model", title: "Model", text: ({ model }) => modelText(model) },
+  { key: "method", title: "Method", text: ({ method }) => methodText(method ?? "") },
   { key: "labels", title: "Labels", text: ({ labels }) => labelsText(labels) },
   { key: "duration", title: "Duration", text: durationOf, numeric: true },
   {
@@ -48,9 +57,9 @@ export const COLUMNS = [
     numeric: true,
   },
   { key: "cost", title: "Best cost", text: ({ progress }) => number(progress?.best_cost, 4), numeric: true },
-  { key: "created", title: "Created", widest: "Sept 30, 2026, 10:00 PM__" },
-  { key: "started", title: "Started", widest: "Sept 30, 2026, 10:00 PM__" },
-  { key: "finished", title: "Finished", widest: "Sept 30, 2026, 10:00 PM__" },
+  { key: "created", title: "Created", widest: "Sept 30, 2026, 10:00 PM GMT+2" },
+  { key: "started", title: "Started", widest: "Sept 30, 2026, 10:00 PM GMT+2" },
+  { key: "finished", title: "Finished", widest: "Sept 30, 2026, 10:00 PM GMT+2" },
 ];
 
 export const USUAL = [
@@ -66,11 +75,11 @@ export const USUAL = [
 ];
 
 export function titleOf(job) {
-  return job.name || `unnamed, ${job.model}`;
+  return job.name || `unnamed, ${modelText(job.model)}`;
 }
 
 function recordingsOf(datasets) {
-  return datasets.map(({ id, name }) => name ?? id).join(", ");
+  return datasets.map(({ name }) => name || "unnamed").join(", ");
 }
 
 function labelsText(labels) {

@@ -2,15 +2,15 @@
 // This module puts the jobs of a list into groups: those of the same state, model, recording or label stand
 // below each other, under a heading that can be closed. Its functions are pure.
 
-import { words } from "../shell/format.js";
+import { methodText, modelText } from "../shell/format.js";
 import { LABEL } from "./filter.js";
 
 const KEYS = {
   status: ({ status }) => status,
   trust: ({ trust }) => trust ?? "",
-  model: ({ model }) => model,
-  method: ({ method }) => words(method ?? ""),
-  dataset: ({ datasets }) => datasets.map(({ id, name }) => name ?? id).join(", "),
+  model: ({ model }) => modelText(model),
+  method: ({ method }) => methodText(method ?? ""),
+  dataset: ({ datasets }) => datasets.map(({ id, name }) => name || id).join(", "),
 };
 
 export const GROUPINGS = [

@@ -5,7 +5,7 @@
 import { get, query } from "../shell/api.js";
 import { described, namesIn } from "../shell/description.js";
 import { h, notice } from "../shell/dom.js";
-import { count, instant, words } from "../shell/format.js";
+import { count, instant, methodText, modelText } from "../shell/format.js";
 import { FOLLOWS } from "../shell/prepared.js";
 import { BulkActions } from "./bulk.js";
 import { columnsShown, USUAL } from "./columns.js";
@@ -222,7 +222,7 @@ class JobList {
     const offered = chosen && !values.includes(chosen) ? [...values, chosen] : values;
     place.replaceChildren(
       h("option", { value: "" }, "all"),
-      ...offered.map((value) => h("option", { value, selected: value === chosen }, words(value))),
+      ...offered.map((value) => h("option", { value, selected: value === chosen }, methodText(value))),
     );
   }
 
@@ -230,7 +230,9 @@ class JobList {
     const names = [...new Set([...this.models, this.filter.model].filter(Boolean))].sort();
     this.modelPlace.replaceChildren(
       h("option", { value: "" }, "all"),
-      ...names.map((name) => h("option", { value: name, selected: name === this.filter.model }, name)),
+      ...names.map((name) =>
+        h("option", { value: name, selected: name === this.filter.model }, modelText(name)),
+      ),
     );
   }
 

@@ -74,7 +74,7 @@ async function demonstrate(view, tell) {
   return data.id;
 }
 
-const SIZE = { width: 720, height: 150 };
+const SIZE = { width: 724, height: 150 };
 
 // The picture shows how a recording becomes parameters.
 function picture() {
@@ -91,9 +91,9 @@ function picture() {
     return svg("path", { class: "curve", d: points.join("") });
   };
   const estimate = (y, name, low, high) => [
-    svg("text", { x: 560, y: y + 4, class: "caption" }, name),
-    svg("path", { class: "curve", d: `M${600 + low} ${y}H${600 + high}` }),
-    svg("circle", { cx: 600 + (low + high) / 2, cy: y, r: 3.5, class: "best" }),
+    svg("text", { x: 552, y: y + 4, class: "caption" }, name),
+    svg("path", { class: "curve", d: `M${592 + low} ${y}H${592 + high}` }),
+    svg("circle", { cx: 592 + (low + high) / 2, cy: y, r: 3.5, class: "best" }),
   ];
   return svg(
     "svg",
@@ -111,10 +111,10 @@ function picture() {
     caption(362, 62, "m · a = F − d · v"),
     caption(362, 84, "m, d unknown"),
     caption(362, 110, "equations of the plant", "faint"),
-    arrow(466, 536),
-    box(540, 176),
+    arrow(466, 516),
+    box(520, 200),
     estimate(46, "m", 20, 52),
     estimate(74, "d", 34, 96),
-    caption(628, 110, "parameters, trusted or not", "faint"),
+    caption(620, 110, "parameters, trusted or not", "faint"),
   );
 }

@@ -2,8 +2,11 @@
 // The description of a model is a diagram, its equations, its symbols and its signals.
 
 import { h, svg, table } from "../shell/dom.js";
-import { number, unitText, words } from "../shell/format.js";
+import { number, quantity, unitText, words } from "../shell/format.js";
 import { equation } from "./equation.js";
+
+// A letter of the diagram is about so wide.
+const LETTER = 6.4;
 
 // The diagram shows the inputs of a model, its states and its outputs.
 /** @param {import("page/api").Schemas["ModelDescription"]} model */
@@ -21,15 +24,21 @@ export function diagram(model) {
     .map(({ name }) => name)
     .slice(0, 8)
     .join(" ");
+  const isShort = states.length <= 12;
+  // The picture is as wide as its names need.
+  const room = (/** @type {string[]} */ names) =>
+    LETTER * Math.max(...names.slice(0, 4).map((name) => Math.min(26, name.length)), 4);
+  const left = 158 - room(inputs);
+  const right = 264 + room(model.outputs.map(({ name }) => name));
   return svg(
     "svg",
-    { viewBox: "0 0 422 76", class: "diagram", "aria-hidden": "true" },
+    { viewBox: `${left} 0 ${right - left} 76`, class: "diagram", "aria-hidden": "true" },
     side(inputs, 158, "end"),
     svg("rect", { x: 172, y: 4, width: 78, height: 68, rx: 6 }),
-    svg("text", { x: 211, y: 34, class: "caption middle" }, states.length <= 12 ? states : ""),
+    svg("text", { x: 211, y: 34, class: "caption middle" }, isShort ? states : ""),
     svg(
       "text",
-      { x: 211, y: 52, class: "caption middle faint" },
+      { x: 211, y: isShort ? 52 : 42, class: "caption middle faint" },
       model.states.length === 1 ? "1 state" : `${model.states.length} states`,
     ),
     side(
@@ -49,6 +58,7 @@ export function described(model) {
       title,
       [{ title: "Signal" }, { title: "Unit" }, { title: "Meaning" }],
       list.map((entry) => [words(entry.name), unitText(entry.unit), entry.meaning ?? ""]),
+      { stacked: true },
     ),
   ];
   return [
@@ -65,20 +75,20 @@ export function described(model) {
       table(
         "Symbols",
         [
-          { title: "Symbol" },
           { title: "Name" },
+          { title: "Symbol" },
           { title: "Unit" },
           { title: "Usual value", numeric: true },
-          { title: "Known to" },
+          { title: "Known" },
           { title: "Range to look in" },
           { title: "Meaning" },
         ],
         model.parameters.map((entry) => [
-          entry.symbol,
           words(entry.name),
+          entry.symbol,
           unitText(entry.unit),
           number(entry.default),
-          toleranceText(entry),
+          entry.unknown_by_default ? "unknown" : toleranceText(entry),
           h(
             "span",
             { class: "range" },
@@ -88,6 +98,7 @@ export function described(model) {
           ),
           entry.meaning,
         ]),
+        { stacked: true },
       ),
       ...signals("Inputs", model.inputs),
       ...signals("Outputs that can be measured", model.outputs),
@@ -106,8 +117,6 @@ export function toleranceText({ tolerance, tolerance_source: source, unit }) {
   return h(
     "span",
     { title: source ?? null },
-    typeof tolerance === "number"
-      ? `± ${number(tolerance, 3)} ${unit === "1" ? "" : unit}`
-      : `± ${tolerance}`,
+    typeof tolerance === "number" ? `± ${quantity(number(tolerance, 3), unit)}` : `± ${tolerance}`,
   );
 }

@@ -232,6 +232,7 @@ export function equation(text) {
   }
   const math = make("math", element(tree));
   math.setAttribute("display", "inline");
+  math.setAttribute("displaystyle", "true");
   math.setAttribute("aria-label", rest);
   place.append(...words(before ? `${before}: ` : ""), math, ...words(after));
   return place;

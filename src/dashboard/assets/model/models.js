@@ -77,8 +77,7 @@ export function showModel(view, name) {
               "Change its equations",
             ),
         ),
-        ...parts,
-        response(view, data),
+        h("div", { class: "workbench" }, h("div", {}, ...parts), response(view, data)),
         ...(data.document
           ? [
               h(

@@ -42,6 +42,13 @@ export function lineOf(xs, ys, { width, height, edge } = SIZE) {
   return xs.map((x, k) => `${k ? "L" : "M"}${across(x).toFixed(1)} ${up(ys[k]).toFixed(1)}`).join("");
 }
 
+// The ends of a range have as many digits as tell them apart.
+export function endTexts(low, high) {
+  const texts = (digits) => [low, high].map((end) => number(end, digits));
+  const digits = [3, 4, 5, 6, 7].find((many) => texts(many)[0] !== texts(many)[1]) ?? 3;
+  return texts(digits);
+}
+
 // The picture is drawn when it comes into sight.
 export function responsePicture(model) {
   const place = h("span", { class: "response" });
@@ -55,7 +62,7 @@ export function responsePicture(model) {
       return;
     }
     const { name, unit, xs, ys } = response;
-    const [low, high] = [Math.min(...ys), Math.max(...ys)].map((end) => quantity(number(end, 3), unit));
+    const [low, high] = endTexts(Math.min(...ys), Math.max(...ys)).map((end) => quantity(end, unit));
     const stepped = excitationOf(model).inputs.find(
       (input) => excitationOf(model).before[input.name] !== excitationOf(model).after[input.name],
     );

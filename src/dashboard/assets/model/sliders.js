@@ -2,7 +2,7 @@
 // The sliders set parameters within their ranges.
 
 import { h } from "../shell/dom.js";
-import { number, words } from "../shell/format.js";
+import { number, quantity, words } from "../shell/format.js";
 
 const STEPS = 1000;
 
@@ -28,7 +28,7 @@ export function slider({ about, lower, upper, scale }, values, moved) {
     log ? lower * (upper / lower) ** (at / STEPS) : lower + (upper - lower) * (at / STEPS);
   const shown = h("output", {});
   const say = () => {
-    shown.textContent = `${number(values[about.name], 4)} ${about.unit === "1" ? "" : about.unit}`;
+    shown.textContent = quantity(number(values[about.name], 4), about.unit);
     input.setAttribute("aria-valuetext", shown.textContent);
   };
   const input = h("input", {

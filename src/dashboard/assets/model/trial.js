@@ -17,7 +17,7 @@ export function trialPart(view, changed) {
   const source = h(
     "select",
     {
-      "aria-label": "Drive it with",
+      "aria-label": "Driven by",
       onchange: () => {
         state.shape = "";
         changed();
@@ -38,12 +38,12 @@ export function trialPart(view, changed) {
     datasets: new Map(),
     drawn: "",
   };
-  const length = h("label", {}, "for, s", duration);
+  const length = h("label", {}, "Duration, s", duration);
   const element = h(
     "section",
     { "aria-label": "Response" },
-    h("h2", {}, "Its response"),
-    h("div", { class: "fields" }, h("label", {}, "Drive it with", source), length),
+    h("h2", {}, "Response"),
+    h("div", { class: "fields" }, h("label", {}, "Driven by", source), length),
     wiring,
     sliders,
     outcome.place,
@@ -103,7 +103,7 @@ export function trialPart(view, changed) {
         h(
           "label",
           {},
-          `${words(name)} is`,
+          `Signal for ${words(name)}`,
           h(
             "select",
             {
@@ -118,7 +118,7 @@ export function trialPart(view, changed) {
               h(
                 "option",
                 { value: signal.name, selected: state.signals[name] === signal.name },
-                `${signal.name} [${unitText(signal.unit)}]`,
+                `${words(signal.name)} [${unitText(signal.unit)}]`,
               ),
             ),
           ),
@@ -179,7 +179,7 @@ export function trialPart(view, changed) {
             h(
               "p",
               { class: "quiet" },
-              `Choose which signal of the recording is ${undriven.join(", ")}; until then each input is a step.`,
+              `Choose the signal for ${undriven.join(", ")}; until then each input is a step.`,
             ),
           )
         : outcome.clear();

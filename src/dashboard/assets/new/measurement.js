@@ -4,7 +4,7 @@
 
 import { toleranceOf } from "../model/parameters.js";
 import { h, table } from "../shell/dom.js";
-import { number, unitText, words } from "../shell/format.js";
+import { assumptionWords, number, quantity, unitText, words } from "../shell/format.js";
 import { choice, field, membersOf, shown, titledField } from "./fields.js";
 
 const COLUMNS = [
@@ -62,7 +62,10 @@ function outputTable(job) {
       entry("lag of the sensor", "lag_tolerance_s"),
     ];
   });
-  return table("Noise and sensors", COLUMNS, rows, { empty: "No output of the model is measured yet." });
+  return table("Noise and sensors", COLUMNS, rows, {
+    empty: "No output of the model is measured yet.",
+    stacked: true,
+  });
 }
 
 function shareField(label, at, put, path) {
@@ -121,14 +124,14 @@ function assumedTable(job) {
     return null;
   }
   const row = (name, line) => [
-    words(name),
-    line ? `${number(line.value, 4)} ${line.unit === "1" ? "" : line.unit}` : "",
+    assumptionWords(name),
+    line ? quantity(number(line.value, 4), line.unit) : "",
     h(
       "span",
       { class: "together" },
       "±",
       field(
-        `${words(name)}, how well known`,
+        `${assumptionWords(name)}, how well known`,
         declared[name],
         (text) => job.at(["tolerances", name], toleranceOf(text)),
         { text: true, size: "9", hint: line?.by_default ? number(line.tolerance, 3) : "" },

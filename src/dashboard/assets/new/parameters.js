@@ -5,7 +5,7 @@
 import { entryOf, middleOf, parameterRows } from "../model/parameters.js";
 import { namesIn } from "../shell/description.js";
 import { h } from "../shell/dom.js";
-import { number, unitText, words } from "../shell/format.js";
+import { number, quantity, unitText, words } from "../shell/format.js";
 import { changed } from "./draft.js";
 import { field } from "./fields.js";
 
@@ -128,8 +128,8 @@ function ownText({ experiments = [] }, entries) {
   const numbers = entries.map(([k]) => k + 1).join(", ");
   const text =
     entries.length === experiments.length
-      ? "an own one in each experiment"
-      : `an own one in experiment${entries.length > 1 ? "s" : ""} ${numbers}`;
+      ? "each experiment has its own"
+      : `its own in experiment${entries.length > 1 ? "s" : ""} ${numbers}`;
   return entries.length > 0 && h("div", { class: "quiet" }, text);
 }
 
@@ -279,7 +279,12 @@ function ownFields(job, row, entries) {
         ),
       ),
     );
-  return h("span", { class: "together" }, h("label", { class: "inline" }, toggle, "own"), values);
+  return h(
+    "span",
+    { class: "together" },
+    h("label", { class: "inline" }, toggle, "one in each", h("span", { class: "on-phones" }, " experiment")),
+    values,
+  );
 }
 
 function expected(job, { about, free }) {
@@ -300,7 +305,7 @@ function expected(job, { about, free }) {
               ? `${number(100 * share[0], 2)} to ${number(100 * share[1], 2)} % of the range`
               : null,
           },
-          `${place}± ${number(error, 2)} ${about.unit === "1" ? "" : about.unit}`,
+          `${place}± ${quantity(number(error, 2), about.unit)}`,
           share && share[1] > WEAK
             ? [
                 " ",

@@ -4,7 +4,7 @@
 
 import { request } from "../shell/api.js";
 import { facts, h, quoted } from "../shell/dom.js";
-import { count, number, words } from "../shell/format.js";
+import { assumptionWords, count, number, quantity, words } from "../shell/format.js";
 
 const WAIT_MS = 450;
 
@@ -88,11 +88,8 @@ export function placeOf(pointer) {
 function outlook({ identifiability, findings, predicted_cost: cost, budget }) {
   const flat = identifiability?.flat_directions ?? [];
   const warnings = findings.filter(({ code }) => code !== "not_identifiable");
-  const dominant = (budget ?? [])
-    .map(largest)
-    .filter(Boolean)
-    .sort((a, b) => b.share - a.share)
-    .slice(0, 3);
+  const predictions = identifiability?.predictions ?? [];
+  const assumptions = mattering(budget ?? [], predictions);
   return [
     flat.length > 0 &&
       h(
@@ -114,7 +111,7 @@ function outlook({ identifiability, findings, predicted_cost: cost, budget }) {
         ),
       ),
     flat.length === 0 && warnings.length === 0 && h("p", {}, "Nothing to warn of."),
-    dominant.length > 0 &&
+    assumptions.length > 0 &&
       h(
         "div",
         {},
@@ -122,20 +119,14 @@ function outlook({ identifiability, findings, predicted_cost: cost, budget }) {
         h(
           "ul",
           {},
-          dominant.map(({ assumption, parameter, share }) =>
-            h(
-              "li",
-              {},
-              `${words(assumption)}: ${share < 1 ? `${number(100 * share, 2)} %` : "as good as all"} of what will not be known of ${words(parameter)}`,
-            ),
-          ),
+          assumptions.map((text) => h("li", {}, text)),
         ),
       ),
     facts([
-      ["Unknowns", unknownsText(cost.unknowns, identifiability?.predictions ?? [])],
+      ["Unknowns", unknownsText(cost.unknowns, predictions)],
       ["Measured samples", count(cost.residuals)],
       ["Candidates at the most", count(cost.evaluations)],
-      ["Derivatives of one", count(cost.derivatives_per_evaluation)],
+      ["Evaluations of the equations per candidate", count(cost.derivatives_per_evaluation)],
     ]),
   ].filter(Boolean);
 }
@@ -150,14 +141,43 @@ export function unknownsText(unknowns, predictions) {
   const states = predictions.filter(
     ({ name, experiment }) => Number.isFinite(experiment) && !name.endsWith("]"),
   ).length;
-  return states > 0 ? `${count(unknowns)}, of them initial states ${count(states)}` : count(unknowns);
+  const starts = states === 1 ? "1 is the start of a state" : `${count(states)} are the starts of states`;
+  return states > 0 ? `${count(unknowns)}, of which ${starts}` : count(unknowns);
 }
 
-function largest({ assumption, contributions }) {
-  const shares = Object.entries(contributions ?? {}).map(([parameter, { share }]) => ({
-    assumption,
-    parameter,
-    share,
-  }));
-  return shares.reduce((best, share) => (share.share > (best?.share ?? 0.1) ? share : best), null);
+const ofExperiment = (/** @type {string} */ name) =>
+  words(name).replace(/\[(\d+)\]$/, (_, k) => ` in experiment ${Number(k) + 1}`);
+
+const MOST_NAMED = 3;
+// An assumption matters where a parameter's error would become smaller than this share of the error at hand.
+const LESS = 0.9;
+
+/**
+ * Says which assumptions matter: with them five times better known a parameter would be known better. The error at hand
+ * is that with an assumption better known that matters least.
+ *
+ * @param {import("page/api").Schemas["BudgetLine"][]} budget
+ * @param {import("page/api").Schemas["Prediction"][]} predictions
+ * @returns {string[]}
+ */
+export function mattering(budget, predictions) {
+  const gains = predictions.flatMap(({ name, unit }) => {
+    const lines = budget
+      .map(({ assumption, contributions }) => ({ assumption, error: contributions[name]?.total_if_better }))
+      .filter(({ error }) => Number.isFinite(error))
+      .sort((a, b) => a.error - b.error);
+    const [first] = lines;
+    const last = lines.at(-1);
+    return first && first.error < LESS * last.error
+      ? [{ ...first, name, unit, present: last.error, ratio: first.error / last.error }]
+      : [];
+  });
+  const error = (value, unit) => `± ${quantity(number(value, 2), unit)}`;
+  return gains
+    .sort((a, b) => a.ratio - b.ratio)
+    .slice(0, MOST_NAMED)
+    .map(
+      ({ assumption, name, unit, error: better, present }) =>
+        `${assumptionWords(assumption)}: known five times better, ${ofExperiment(name)} comes to ${error(better, unit)} in place of ${error(present, unit)}`,
+    );
 }

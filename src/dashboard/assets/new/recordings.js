@@ -9,7 +9,7 @@ import { WindowChooser } from "../plot/group.js";
 import { partWithin, shadedSpans, specifiedWindow } from "../plot/math.js";
 import { namesIn } from "../shell/description.js";
 import { h, notice } from "../shell/dom.js";
-import { count, duration, number, words } from "../shell/format.js";
+import { count, duration, number, unitText, words } from "../shell/format.js";
 import { changed, recordingsOfDraft, withSignal } from "./draft.js";
 import { heldBack } from "./search.js";
 import { VersionLine } from "./version.js";
@@ -62,7 +62,7 @@ export function recordingsPart(job) {
         h(
           "option",
           { value: dataset.id },
-          `${dataset.name || dataset.id} (${count(dataset.samples)} samples, ${duration(dataset.duration_s)})`,
+          `${dataset.name || "unnamed"} (${count(dataset.samples)} samples, ${duration(dataset.duration_s)})`,
         ),
       );
       const before = choice.value;
@@ -330,7 +330,7 @@ class RecordingPart {
       return h(
         "label",
         { title: signal.meaning ?? "" },
-        `${words(signal.name)} [${signal.unit}], ${kind}`,
+        `${words(signal.name)} [${unitText(signal.unit)}], ${kind}`,
         h(
           "select",
           {
@@ -343,7 +343,7 @@ class RecordingPart {
             h(
               "option",
               { value: name, selected: experiment.signals?.[signal.name] === name },
-              `${name}${unit ? ` [${unit}]` : ""}`,
+              `${words(name)}${unit ? ` [${unitText(unit)}]` : ""}`,
             ),
           ),
         ),

@@ -28,7 +28,7 @@ export function heldBack(job) {
 
 export function searchPart(job) {
   const place = h("div", {});
-  const element = h("section", {}, h("h2", {}, "5. How to look, and what to call it"), place);
+  const element = h("section", {}, h("h2", {}, "5. Search and name"), place);
   let isOpen = false;
 
   const draw = () => {

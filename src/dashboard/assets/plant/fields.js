@@ -6,7 +6,7 @@ import { inputSet, likeness } from "../model/signals.js";
 import { defaultAt } from "../shell/description.js";
 import { h } from "../shell/dom.js";
 import { pointed } from "../shell/faults.js";
-import { number, numberOf, unitText, words } from "../shell/format.js";
+import { instantText, modelText, number, numberOf, unitText, words, zoneName } from "../shell/format.js";
 import { fieldSeconds, fieldText, isoBefore, secondsOf } from "./instants.js";
 import { driftWith, searchedNames } from "./plan.js";
 
@@ -59,7 +59,8 @@ export function instantField(page, title, path) {
       page.at(path, Number.isFinite(seconds) ? isoBefore(seconds) : undefined);
     },
   });
-  return pointed(h("label", {}, title, input), path);
+  const [about, note = ""] = title.split(/(?= \()/);
+  return pointed(h("label", {}, `${about}, ${zoneName()}${note}`, input), path);
 }
 
 export function choice(title, options, chosen, act) {
@@ -79,7 +80,7 @@ export function choicePart(page) {
   return part("1. Stream and job", "Any job can be done again on each window of a stream.", () => {
     const streams = [...page.streams.keys()].map((name) => [name, name]);
     const jobs = page.jobs.map((job) => [job.id, jobText(job)]);
-    const kept = page.spec.job && !page.job ? `as it is (${page.spec.job.model})` : "– choose –";
+    const kept = page.spec.job && !page.job ? `as it is (${modelText(page.spec.job.model)})` : "– choose –";
     const name = h("input", {
       type: "text",
       size: "28",
@@ -106,7 +107,7 @@ export function choicePart(page) {
 }
 
 export function jobText({ id, name, model, created_at: created }) {
-  return `${name || id} (${model}, ${new Date(created).toLocaleDateString()})`;
+  return `${name || id} (${modelText(model)}, ${instantText(new Date(created))})`;
 }
 
 export function signalsPart(page) {
@@ -133,7 +134,10 @@ export function signalsPart(page) {
 
 function signalChoice(page, experiment, [signal, kind]) {
   const recorded = [...page.stream.signals].sort((a, b) => likeness(signal, b) - likeness(signal, a));
-  const options = recorded.map(({ name, unit }) => [name, unit ? `${name} [${unit}]` : name]);
+  const options = recorded.map(({ name, unit }) => [
+    name,
+    unit ? `${words(name)} [${unitText(unit)}]` : words(name),
+  ]);
   const none = kind === "input" ? "– choose –" : "not measured";
   const path = ["job", "experiments", 0, "signals", signal.name];
   return choice(

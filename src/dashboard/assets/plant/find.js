@@ -11,7 +11,7 @@ import { get, items, repeatKey, send } from "../shell/api.js";
 import { defaultAt, described } from "../shell/description.js";
 import { h, keepingFocus, notice } from "../shell/dom.js";
 import { failBeside, placeFaults, pointed } from "../shell/faults.js";
-import { count, duration, number, quantity, words } from "../shell/format.js";
+import { count, duration, number, quantity, unitSigns, words } from "../shell/format.js";
 import { choice, instantField, jobText, numberField, part } from "./fields.js";
 import { plantHead } from "./head.js";
 import { missingOfSelection, offeredJobs, sharedEstimates, usualLength, windowsIn } from "./plan.js";
@@ -277,7 +277,7 @@ function targetPart(page) {
 function targetField(page, parameter) {
   const { name, unit, estimate, standard_error: noise, total_standard_error: total } = parameter;
   const path = ["target", name];
-  const title = unit === "1" ? words(name) : `${words(name)}, % or ${unit}`;
+  const title = unit === "1" ? words(name) : `${words(name)}, % or ${unitSigns(unit)}`;
   const label = titledField(
     `${title}: ± at the most`,
     page.spec.target?.[name],

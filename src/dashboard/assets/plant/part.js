@@ -8,7 +8,7 @@ import { isAbout } from "../plot/math.js";
 import { plot } from "../plot/plot.js";
 import { get, query } from "../shell/api.js";
 import { h, notice, table } from "../shell/dom.js";
-import { number, unitText, words } from "../shell/format.js";
+import { number, unitText, words, zoneName } from "../shell/format.js";
 import { fieldSeconds, fieldText, wholeOf } from "./instants.js";
 import { columnOf, pointsFor, summaryOf } from "./samples.js";
 
@@ -83,8 +83,8 @@ export class PartPlots {
     return h(
       "form",
       { class: "fields", onsubmit: show },
-      h("label", {}, "From", this.from),
-      h("label", {}, "To", this.to),
+      h("label", {}, `From, ${zoneName()}`, this.from),
+      h("label", {}, `To, ${zoneName()}`, this.to),
       h("button", { type: "submit" }, "Show this part"),
       h("button", { type: "button", onclick: () => this.group.show(null) }, "All of it"),
     );
@@ -155,7 +155,7 @@ export class PartPlots {
       return [
         words(signal.name),
         unitText(signal.unit),
-        signal.recorded_unit,
+        unitText(signal.recorded_unit),
         number(least),
         mean === null ? "–" : about + number(mean),
         number(greatest),

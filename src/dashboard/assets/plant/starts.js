@@ -3,13 +3,13 @@
 
 import { h } from "../shell/dom.js";
 import { pointed } from "../shell/faults.js";
-import { words } from "../shell/format.js";
+import { unitSigns, words } from "../shell/format.js";
 import { choice, instantField, numberField, part } from "./fields.js";
 import { firstEstimated, kindOfStart, startChoices, startOf, valueOfStart } from "./plan.js";
 
 export function startsPart(page) {
   const hint =
-    "A plant at work begins a window wherever the plant is. A window is left out where the model starts elsewhere than the first samples.";
+    "A window begins wherever the running plant then is. A window is left out where the model would start away from its first samples.";
   return part("3. Where windows begin", hint, () =>
     page.model
       ? page.model.states.map((state) => startFields(page, state))
@@ -32,7 +32,7 @@ function startFields(page, state) {
   return h("div", { class: "fields start-of-state" }, pointed(label, path), fields?.(page, state, path));
 }
 
-const titled = (text, unit) => (unit === "1" ? text : `${text}, ${unit}`);
+const titled = (text, unit) => (unit === "1" ? text : `${text}, ${unitSigns(unit)}`);
 
 function rangeFields(page, { name, unit }, path) {
   const side = (member, word) => {

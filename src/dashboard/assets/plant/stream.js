@@ -5,7 +5,7 @@
 import { download } from "../plot/save.js";
 import { get, pause, query, request, send } from "../shell/api.js";
 import { facts, h, notice } from "../shell/dom.js";
-import { count, duration, instant, size } from "../shell/format.js";
+import { count, duration, instant, instantText, size } from "../shell/format.js";
 import { nameHeading, plantHead } from "./head.js";
 import { isoAfter, isoBefore, partNamed, secondsOf } from "./instants.js";
 import { PartPlots } from "./part.js";
@@ -124,21 +124,34 @@ class StreamPage {
       show: (from, to) => plots.group.show([from, to]),
       changed: (spans) => plots.shade(spans),
     });
-    const name = h("input", { type: "text", maxlength: "200", placeholder: `${this.name}, part` });
+    const name = h("input", {
+      type: "text",
+      maxlength: "200",
+      size: "28",
+      placeholder: `${this.name}, part`,
+    });
     const button = (title, act, look) => h("button", { type: "button", class: look, onclick: act }, title);
     return [
-      h("h2", {}, "A part of it"),
-      plots.fields,
       h(
         "div",
-        { class: "panel fields" },
-        h("label", { class: "for-writers" }, "Name of the recording", name),
-        button("Cut a recording from this part", () => this.cut(name.value.trim()), "for-writers"),
-        button("Download the part as CSV", () => this.saveCsv()),
-        button("Remove these samples", () => this.removePart(), "danger"),
+        { class: "workbench" },
+        h(
+          "div",
+          {},
+          h("h2", {}, "A part of the stream"),
+          plots.fields,
+          h(
+            "div",
+            { class: "panel fields" },
+            h("label", { class: "for-writers" }, "Name of the recording", name),
+            button("Cut a recording from this part", () => this.cut(name.value.trim()), "for-writers"),
+            button("Download the part as CSV", () => this.saveCsv()),
+            button("Remove these samples", () => this.removePart(), "danger"),
+          ),
+          marks.element,
+        ),
+        plots.element,
       ),
-      marks.element,
-      plots.element,
     ];
   }
 
@@ -171,7 +184,7 @@ class StreamPage {
   removePart() {
     return this.outcome.attempt(async () => {
       const { from, to } = this.chosen();
-      const [first, end] = [from, to].map((text) => new Date(text).toLocaleString());
+      const [first, end] = [from, to].map((text) => instantText(new Date(text), true));
       if (!confirm(`Remove the samples of ${this.name} from ${first} until ${end}? They do not come back.`)) {
         return;
       }

@@ -4,7 +4,7 @@
 
 import { get, items, pause, send } from "../shell/api.js";
 import { facts, h, notice, table } from "../shell/dom.js";
-import { count, instant, words } from "../shell/format.js";
+import { count, instant, instantText, words } from "../shell/format.js";
 import { nameHeading, plantHead, readAsAdmin, stateBadge } from "./head.js";
 import { pagedList } from "./paged.js";
 
@@ -187,7 +187,7 @@ async function keepUp(view, list) {
 
 function deliveryRow(delivery, resend) {
   const { id, event, state, attempts, payload, last_status: status, last_error: error } = delivery;
-  const label = `Resend the delivery of ${new Date(delivery.created_at).toLocaleString()}`;
+  const label = `Resend the delivery of ${instantText(new Date(delivery.created_at), true)}`;
   return [
     instant(delivery.created_at),
     event,

@@ -1,7 +1,7 @@
 // @ts-check
 // The axes of a chart have ticks with texts.
 
-import { number, power } from "../shell/format.js";
+import { number, power, unitSigns } from "../shell/format.js";
 
 // The range covers the finite numbers of all columns, on a logarithmic axis only the positive numbers.
 export function rangeOf(columns, log) {
@@ -107,7 +107,7 @@ export const stepsOf = ({ whole }) => (whole ? { incrs: WHOLE_STEPS } : {});
 
 export function axisTitle(label, unit, exponent) {
   const factor = exponent === 0 ? "" : power(exponent);
-  const bracket = [factor, unit === "1" ? "" : unit].filter(Boolean).join("\u00a0");
+  const bracket = [factor, unit === "1" ? "" : unitSigns(unit)].filter(Boolean).join("\u00a0");
   return bracket ? `${label} [${bracket}]` : label;
 }
 
@@ -126,6 +126,17 @@ export function rangeFromZero(_, low, high) {
 
 export function logarithmicSplits(_, __, low, high) {
   return axis([low, high], { log: true, steps: 4 }).ticks.map(([value]) => value);
+}
+
+// Large and small ticks of a logarithmic axis are all written with powers of ten.
+export function tickText(value) {
+  const exponent = Math.floor(Math.log10(value) + 1e-9);
+  const factor = number(value / 10 ** exponent, 3);
+  return exponent < 4 && exponent > -3
+    ? number(value, 3)
+    : factor === "1"
+      ? power(exponent)
+      : `${factor}·${power(exponent)}`;
 }
 
 // A logarithmic axis fits the values; whole decades would leave most of it empty.

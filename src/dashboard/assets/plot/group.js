@@ -459,7 +459,8 @@ export class WindowChooser {
       const window = this.windows[k];
       const role = ROLES.find(([name]) => name === window.role)?.[1];
       block.className = `window-block ${window.role}`;
-      block.textContent = this.names[k];
+      const [, kind, place] = /^(.*?)(\d*)$/.exec(this.names[k]) ?? [];
+      block.replaceChildren(h("span", { class: "kind" }, kind), place);
       block.title = `${this.names[k]}: drag to move it, drag an end to stretch it`;
       const values = {
         "aria-label": `${this.names[k]}. Arrow keys move it, Delete removes it.`,

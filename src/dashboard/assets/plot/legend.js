@@ -21,7 +21,7 @@ export function legendOf(series, shaded) {
   const drawn = series.filter(({ bare, legend }) => !bare && legend !== null);
   const lines =
     drawn.length > 1
-      ? drawn.map(({ name, look, legend }) => h("span", {}, swatch(look), legend ?? name))
+      ? drawn.map(({ name, look, legend, dots }) => h("span", {}, swatch(look, dots), legend ?? name))
       : [];
   const kinds = [...new Set(shaded.map(({ kind }) => kind))];
   const spans = kinds.map((kind) =>
@@ -30,10 +30,12 @@ export function legendOf(series, shaded) {
   return lines.length + spans.length ? h("span", { class: "legend" }, lines, spans) : null;
 }
 
-function swatch(look) {
+function swatch(look, isDotted = false) {
   return svg(
     "svg",
     { width: 22, height: 10, "aria-hidden": "true" },
-    svg("line", { x1: 0, x2: 22, y1: 5, y2: 5, class: `line ${look}` }),
+    isDotted
+      ? svg("circle", { cx: 11, cy: 5, r: 2, class: `line ${look}` })
+      : svg("line", { x1: 0, x2: 22, y1: 5, y2: 5, class: `line ${look}` }),
   );
 }

@@ -14,8 +14,16 @@
 
 import uPlot from "/assets/vendor/uplot-1.6.32.min.js";
 import { h } from "../shell/dom.js";
-import { number, quantity } from "../shell/format.js";
-import { logarithmicRange, logarithmicSplits, paddedRange, rangeFromZero, rangeOf, stepsOf } from "./axes.js";
+import { number, quantity, unitSigns, unitText } from "../shell/format.js";
+import {
+  logarithmicRange,
+  logarithmicSplits,
+  paddedRange,
+  rangeFromZero,
+  rangeOf,
+  stepsOf,
+  tickText,
+} from "./axes.js";
 import { READER } from "./clock.js";
 import { legendOf } from "./legend.js";
 import { nearest, sampleAt } from "./math.js";
@@ -94,7 +102,7 @@ class Plot {
   // save.
   head() {
     const possible = choices(this.y.unit, this.y);
-    const unitText = this.unit.name && this.unit.name !== "1" ? `[${this.unit.name}]` : "";
+    const fixedUnit = this.unit.name && this.unit.name !== "1" ? `[${unitSigns(this.unit.name)}]` : "";
     const unit =
       possible.length > 1
         ? h(
@@ -104,9 +112,11 @@ class Plot {
               "aria-label": `Unit of ${this.y.label}`,
               onchange: (event) => prefer(this.y.unit, event.target.value),
             },
-            possible.map(({ name }) => h("option", { value: name, selected: name === this.unit.name }, name)),
+            possible.map(({ name }) =>
+              h("option", { value: name, selected: name === this.unit.name }, unitText(name)),
+            ),
           )
-        : unitText && h("span", { class: "quiet" }, unitText);
+        : fixedUnit && h("span", { class: "quiet" }, fixedUnit);
     this.caption.replaceChildren(
       h("span", { class: "plot-title" }, this.title),
       unit || "",
@@ -261,7 +271,7 @@ class Plot {
           space: Math.max(18, Math.min(34, this.height / 8)),
           size: (_, texts) => this.axisWidth(texts),
           values: (_, splits) =>
-            splits.map((value) => (value === null ? "" : number(value, this.y.log ? 2 : 6))),
+            splits.map((value) => (value === null ? "" : this.y.log ? tickText(value) : number(value, 6))),
         },
       ],
       series: [
@@ -313,7 +323,7 @@ class Plot {
   // The axis along the bottom: of the clock of the reader or of the recording, or of the numbers.
   across() {
     const { clock } = this;
-    const unit = clock ? ` [${clock.zone}]` : this.x.unit ? ` [${this.x.unit}]` : "";
+    const unit = clock ? ` [${clock.zone}]` : this.x.unit ? ` [${unitSigns(this.x.unit)}]` : "";
     const axis = { size: 30, space: 70, values: (_, splits) => splits.map((value) => number(value, 7)) };
     return { ...(clock?.axis() ?? axis), ...stepsOf(this.x), label: `${this.x.label}${unit}` };
   }

@@ -2,7 +2,7 @@
 // A plot is saved as a PNG or SVG of what it shows, or as a CSV of its numbers.
 
 import { h } from "../shell/dom.js";
-import { escaped } from "../shell/format.js";
+import { escaped, unitSigns } from "../shell/format.js";
 import { axis, axisTitle, rangeOf } from "./axes.js";
 import { isoText } from "./clock.js";
 
@@ -92,7 +92,7 @@ function savePng(plot) {
   brush.fillRect(0, 0, canvas.width, canvas.height);
   brush.fillStyle = style.getPropertyValue("--text");
   brush.font = `600 ${15 * ratio}px system-ui, sans-serif`;
-  brush.fillText(`${plot.title} [${plot.unit.name}]`, 10 * ratio, 20 * ratio);
+  brush.fillText(`${plot.title} [${unitSigns(plot.unit.name)}]`, 10 * ratio, 20 * ratio);
   brush.drawImage(drawn, 0, 30 * ratio);
   canvas.toBlob((blob) => download(blob, `${fileName(plot.title)}.png`));
 }

@@ -43,5 +43,6 @@ export function spanColour(kind) {
     event: "simulated",
     alarm: "bad",
   };
-  return `${colour(colours[kind] ?? "quiet")}2b`;
+  // A window that only checks is darker than what is held back within a window.
+  return `${colour(colours[kind] ?? "quiet")}${kind === "check" ? "66" : "2b"}`;
 }

@@ -29,8 +29,8 @@ export function svg(tag, attributes = {}, ...children) {
   return fill(document.createElementNS(SVG, tag), attributes, children);
 }
 
-// The table scrolls by itself where the page is narrow; a stacked table has its cells below each other there,
-// each with the title of its column.
+// The table scrolls by itself where the page is narrow; a stacked table has its cells below each other there, each
+// with the title of its column beside its content.
 export function table(caption, columns, rows, { empty = "Nothing here yet.", stacked = false } = {}) {
   if (rows.length === 0) {
     return h("p", { class: "quiet" }, empty);
@@ -39,7 +39,7 @@ export function table(caption, columns, rows, { empty = "Nothing here yet.", sta
     h(
       "td",
       { class: column.numeric ? "number" : null, "data-title": stacked ? column.title : null },
-      content,
+      stacked ? h("div", {}, content) : content,
     );
   return h(
     "div",
@@ -135,9 +135,13 @@ export function warningList(warnings) {
   );
 }
 
-// Makes code of the names that stand between back-ticks in a text.
-export function quoted(text) {
-  return text.split("`").map((part, k) => (k % 2 ? h("code", {}, part) : part));
+// Makes code of the names that stand between back-ticks in a text, or what `said` makes of them, and writes numbers
+// below zero with a minus.
+/** @param {string} text @param {(name: string) => any} [said] */
+export function quoted(text, said = () => null) {
+  return text
+    .split("`")
+    .map((part, k) => (k % 2 ? (said(part) ?? h("code", {}, part)) : part.replace(/(?<=[ (])-(?=\d)/g, "−")));
 }
 
 // A notice is the place for the outcome of the last action; a new outcome replaces the former.

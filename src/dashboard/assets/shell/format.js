@@ -15,8 +15,10 @@ const SUPERSCRIPT = {
   9: "⁹",
 };
 
+const superscript = (exponent) => [...String(exponent)].map((character) => SUPERSCRIPT[character]).join("");
+
 export function power(exponent) {
-  return `10${[...String(exponent)].map((character) => SUPERSCRIPT[character]).join("")}`;
+  return `10${superscript(exponent)}`;
 }
 
 // Writes a number with a few significant digits, and a dash where there is no number. Zeros at the end
@@ -68,11 +70,18 @@ export function withError(estimate, error) {
 }
 
 export function quantity(text, unit) {
-  return unit && unit !== "1" && text !== "–" ? `${text}\u00a0${unit}` : text;
+  return unit && unit !== "1" && text !== "–" ? `${text}\u00a0${unitSigns(unit)}` : text;
 }
 
+// Writes `N*s/m^2` as N·s/m².
+/** @param {string} unit */
+export function unitSigns(unit) {
+  return unit.replaceAll("*", "·").replace(/\^(-?\d+)/g, (_, exponent) => superscript(exponent));
+}
+
+/** @param {string | null | undefined} unit */
 export function unitText(unit) {
-  return unit === "1" ? "–" : unit;
+  return ["1", "-", "", null, undefined].includes(unit) ? "–" : unitSigns(unit ?? "");
 }
 
 export function duration(seconds) {
@@ -112,7 +121,17 @@ function instantFormat(timeStyle) {
   return format;
 }
 
-// Writes an instant to the minute, or to the second where the second tells instants apart.
+/** @type {Intl.DateTimeFormat | null} */
+let zoneFormat = null;
+
+// The zone of the reader's clock at an instant, as in UTC or GMT+2.
+/** @param {Date} [date] */
+export function zoneName(date = new Date()) {
+  zoneFormat ??= new Intl.DateTimeFormat(undefined, { timeZoneName: "short" });
+  return zoneFormat.formatToParts(date).find(({ type }) => type === "timeZoneName")?.value ?? "";
+}
+
+// Writes an instant with its zone to the minute, or to the second where the second tells instants apart.
 export function instant(text, toTheSecond = false) {
   if (!text) {
     return "–";
@@ -120,17 +139,44 @@ export function instant(text, toTheSecond = false) {
   const element = document.createElement("time");
   element.dateTime = text;
   element.title = text;
-  element.textContent = instantFormat(toTheSecond ? "medium" : "short").format(new Date(text));
+  element.textContent = instantText(new Date(text), toTheSecond);
   return element;
 }
 
-// Writes the span between two instants to the second; a day that both share stands once.
+/** @param {Date} date */
+export function instantText(date, toTheSecond = false) {
+  return `${instantFormat(toTheSecond ? "medium" : "short").format(date)} ${zoneName(date)}`;
+}
+
+// Writes the span between two instants to the second, with its zone; a day that both share stands once.
 export function timeSpan(from, to) {
-  return from && to ? instantFormat("medium").formatRange(new Date(from), new Date(to)) : "–";
+  return from && to
+    ? `${instantFormat("medium").formatRange(new Date(from), new Date(to))} ${zoneName(new Date(to))}`
+    : "–";
 }
 
 export function words(name) {
   return name.replaceAll("_", " ");
+}
+
+const METHODS = { cma_es: "CMA-ES", icra_genetic: "ICRA genetic", multistart_lm: "multistart LM" };
+
+/** Names a method of the search. @param {string} method */
+export const methodText = (method) => METHODS[method] ?? words(method);
+
+// Names an assumption in words: `pump.input_gain` is the input gain of pump.
+/** @param {string} assumption */
+export function assumptionWords(assumption) {
+  const [part, about] = assumption.split(".");
+  return about ? `${words(about)} of ${words(part)}` : words(part);
+}
+
+// Names a model in words. The name of a model of equations ends in their digest, whose first digits tell models of one
+// name apart.
+/** @param {string} model */
+export function modelText(model) {
+  const [name, digest] = model.split("@");
+  return digest ? `${words(name)} @${digest.slice(0, 4)}` : words(name);
 }
 
 function minus(text) {

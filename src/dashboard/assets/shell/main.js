@@ -68,11 +68,15 @@ async function route() {
   announce();
 }
 
+// Pages that no link of the header names belong to the list that leads to them.
+const LISTS = { "/compare": "/jobs", "/equations": "/models" };
+
 function markCurrent(path) {
+  const place = LISTS[path] ?? path;
   for (const link of /** @type {NodeListOf<HTMLAnchorElement>} */ (
     document.querySelectorAll("header nav a")
   )) {
-    const here = link.hash && path.startsWith(link.hash.slice(1));
+    const here = link.hash && place.startsWith(link.hash.slice(1));
     here ? link.setAttribute("aria-current", "page") : link.removeAttribute("aria-current");
   }
 }

@@ -36,6 +36,11 @@ pub struct Declared {
 }
 
 impl Declared {
+    /// The symbol, or the name where there is no symbol.
+    pub fn written_as(&self) -> &str {
+        self.symbol.as_deref().unwrap_or(&self.name)
+    }
+
     /// A name that takes any unit.
     pub fn of_any_unit(name: &str, pointer: &str) -> Declared {
         Declared {

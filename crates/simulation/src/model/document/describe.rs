@@ -70,7 +70,7 @@ fn parameter(parameter: &super::definition::Parameter) -> ParameterDescription {
     let [minimum, maximum] = parameter.limits;
     ParameterDescription {
         name: owned(&declared.name),
-        symbol: owned(declared.symbol.as_ref().unwrap_or(&declared.name)),
+        symbol: owned(declared.written_as()),
         unit: owned(shown_unit(declared)),
         meaning: owned(&declared.meaning),
         default: parameter.default,
@@ -114,18 +114,28 @@ fn initial(definition: &Definition, initial: &Initial, faults: &Faults) -> Initi
     }
 }
 
+/// The equations, a line each: quantities and states by the symbols that stand on the right, outputs by their names.
 fn equations(definition: &Definition) -> Vec<Cow<'static, str>> {
-    let formula = |formula: &Formula| format!("{} = {}", formula.declared.name, formula.text.text);
+    let formula = |formula: &Formula| {
+        let Formula { declared, text } = formula;
+        format!("{} = {}", declared.written_as(), text.text)
+    };
     let quantities = definition.quantities.iter().map(formula);
     let sampled = definition.sampled.iter().map(|sampled| {
         let shown = formula(&sampled.formula);
         format!("{shown}, once a sample, held")
     });
-    let states = definition
-        .states
-        .iter()
-        .map(|state| format!("{}' = {}", state.declared.name, state.derivative.text));
-    let outputs = definition.outputs.iter().map(formula);
+    let states = definition.states.iter().map(|state| {
+        format!(
+            "{}' = {}",
+            state.declared.written_as(),
+            state.derivative.text
+        )
+    });
+    let outputs = definition.outputs.iter().map(|output| {
+        let Formula { declared, text } = output;
+        format!("{} = {}", declared.name, text.text)
+    });
     let all = quantities.chain(sampled).chain(states).chain(outputs);
     all.map(Cow::Owned).collect()
 }

@@ -408,3 +408,17 @@ fn the_fastest_mode_is_found_where_the_document_does_not_say_it() {
     let rate = model(&document).plant().fastest_rate(&[30.0, 0.5]);
     assert!((rate - 30.0).abs() < 1e-9, "{rate}");
 }
+
+#[test]
+fn equations_name_states_and_quantities_by_their_symbols_on_both_sides() {
+    let document = json!({
+        "name": "lag",
+        "inputs": {"drive": {"symbol": "u", "unit": "V"}},
+        "parameters": {"time": {"symbol": "T", "unit": "s", "default": 0.5}},
+        "quantities": {"difference": {"symbol": "d", "unit": "V", "expression": "u - x"}},
+        "states": {"level": {"symbol": "x", "unit": "V", "derivative": "d/T", "initial": 0}},
+        "outputs": {"reading": {"unit": "V", "expression": "x"}}
+    });
+    let equations = &model(&document).description().equations;
+    assert_eq!(equations, &["d = u - x", "x' = d/T", "reading = x"]);
+}
