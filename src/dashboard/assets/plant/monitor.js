@@ -10,7 +10,7 @@ import { fieldSeconds, isoBefore } from "./instants.js";
 import { planText } from "./monitors.js";
 import { pagedList } from "./paged.js";
 import { mergedWindows } from "./trend.js";
-import { TrendPlots, windowTable } from "./windows.js";
+import { TrendPlots, windowLink, windowTable } from "./windows.js";
 
 // Events that come together make a single request.
 const GATHER_MS = 300;
@@ -62,10 +62,15 @@ class MonitorPage {
       failed: (error) => this.outcome.fail(error),
       draw: (rows) => {
         this.drawPlots();
-        return table("Alarms", ALARM_COLUMNS, rows.map(alarmRow), {
-          empty: "No alarm was raised.",
-          stacked: true,
-        });
+        return table(
+          "Alarms",
+          ALARM_COLUMNS,
+          rows.map((alarm) => alarmRow(alarm, this.windows)),
+          {
+            empty: "No alarm was raised.",
+            stacked: true,
+          },
+        );
       },
     });
     this.spec = h("pre", { tabindex: "0" });
@@ -294,11 +299,13 @@ function waitingText(waits, stream) {
   ].flat();
 }
 
-function alarmRow({ kind, raised_at: raised, window, detail }) {
+// An alarm leads to the job of its window.
+function alarmRow({ kind, raised_at: raised, window: place, detail }, windows) {
+  const window = windows.find(({ number }) => number === place);
   return [
     instant(raised),
     h("span", { class: "badge failed" }, words(kind)),
-    window === undefined ? "–" : String(window),
+    place === undefined ? "–" : window ? windowLink(window) : String(place),
     h("span", { class: "sentence" }, quoted(detail)),
   ];
 }
