@@ -198,6 +198,15 @@ const GRADES = {
   low: "Low trust: do not use the numbers before this is settled.",
 };
 const POINTS_SHOWN = 4;
+// What the verdict names of the API leads to its guide.
+const withGuide = (text) =>
+  quoted(text).flatMap((part) =>
+    typeof part === "string"
+      ? part
+          .split(/(POST \/v1\/designs)/)
+          .map((words, k) => (k % 2 ? h("a", { href: "/docs/designs" }, words) : words))
+      : [part],
+  );
 const NO_STEP =
   "No change of this job is left that promises more: what is missing has to come from the plant, as another recording, a declared noise or another model.";
 
@@ -212,7 +221,7 @@ function verdictBox(result, state) {
     h(
       "li",
       {},
-      quoted(text),
+      withGuide(text),
       next.length > 0 &&
         h(
           "ul",
@@ -255,7 +264,7 @@ function verdictBox(result, state) {
           reasons.map(({ code, detail }) => {
             const title = rules.find((rule) => rule.code === code)?.title ?? code;
             const chapter = h("a", { href: `/docs/verdicts#${code}`, title: code }, title);
-            return h("li", {}, quoted(detail), " ", chapter);
+            return h("li", {}, withGuide(detail), " ", chapter);
           }),
         ),
       ),

@@ -3,8 +3,8 @@
 // the alarms. The page follows the events of the monitor.
 
 import { get, pause, send } from "../shell/api.js";
-import { facts, h, notice, quoted, table } from "../shell/dom.js";
-import { duration, instant, number, timeSpan, words } from "../shell/format.js";
+import { facts, h, notice, table } from "../shell/dom.js";
+import { duration, instant, number, timeSpan, withInstants, words } from "../shell/format.js";
 import { nameHeading, plantHead, stateBadge } from "./head.js";
 import { fieldSeconds, isoBefore } from "./instants.js";
 import { planText } from "./monitors.js";
@@ -306,6 +306,6 @@ function alarmRow({ kind, raised_at: raised, window: place, detail }, windows) {
     instant(raised),
     h("span", { class: "badge failed" }, words(kind)),
     place === undefined ? "–" : window ? windowLink(window) : String(place),
-    h("span", { class: "sentence" }, quoted(detail)),
+    h("span", { class: "sentence" }, withInstants(detail)),
   ];
 }

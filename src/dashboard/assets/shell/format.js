@@ -124,6 +124,11 @@ export function instant(text, toTheSecond = false) {
   return element;
 }
 
+// Writes the instants in a sentence of the server by the clock of the reader.
+/** @param {string} text */
+export const withInstants = (text) =>
+  text.split(/(\d{4}-\d\d-\d\dT\d\d:\d\d:[\d.]+Z)/).map((part, k) => (k % 2 ? instant(part, true) : part));
+
 // Writes the span between two instants to the second; a day that both share stands once.
 export function timeSpan(from, to) {
   return from && to ? instantFormat("medium").formatRange(new Date(from), new Date(to)) : "–";
