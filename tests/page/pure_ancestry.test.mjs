@@ -59,7 +59,9 @@ test("a job says what it was told otherwise than the job before, and not its see
     labels: { follows: "job_1" },
     outputs: { position: { noise_std: 0.0023951237 } },
   };
-  assert.deepEqual(changesOf(before, now), ["outputs, position, noise std: – → 0.00239512"]);
+  const model = { outputs: [{ name: "position", unit: "m" }] };
+  assert.deepEqual(changesOf(before, now, model), ["outputs, position, noise std: – → 0.00239512\u00a0m"]);
+  assert.deepEqual(changesOf({ ...before, outputs: {} }, before), []);
   assert.deepEqual(changesOf(before, { ...before, seed: 3, note: "x" }), []);
   assert.deepEqual(changesOf({ model: "servo" }, { model: "servo", validation: { fraction: 0.25 } }), [
     "validation, fraction: – → 0.25",

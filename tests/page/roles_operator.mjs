@@ -4,48 +4,16 @@
 import { execFileSync } from "node:child_process";
 import { performance } from "node:perf_hooks";
 import { PATIENCE } from "./browser.mjs";
+import { csv, feed, WINDOW_S, windowOf } from "./feeding.mjs";
 import { Person } from "./person.mjs";
 import { verdictOn } from "./roles_engineer.mjs";
 import { base, ended, JOB, ownServer, post } from "./server.mjs";
 
 const { GREYBOX_PROGRAM: program } = process.env;
-const WINDOW_S = 6;
 const [BEFORE, AFTER] = [10, 8];
 const LONG_JOBS = 40;
 const RUN = Date.now().toString(36);
 const STREAM = `press-${RUN}`;
-const BEGIN = Date.now() - 7_200_000;
-
-// A window of the drive with a mass, and a noise that is the window's own.
-async function windowOf(mass, place) {
-  const force = Array.from(
-    { length: 600 },
-    (_, k) => 60 * Math.sign(Math.sin(k / 23)) + 25 * Math.sin(k / 7),
-  );
-  const { outputs } = await post("/v1/simulations", {
-    model: "positioning_drive",
-    parameters: { mass: { value: mass } },
-    inputs: { sample_time_s: 0.01, signals: { force: { unit: "N", values: force } } },
-  });
-  return force.map((value, k) => {
-    const noise = ((((k + 131 * place) * 7919) % 1009) / 504.5 - 1) * 3.5e-5;
-    return [k * 0.01, value.toFixed(4), (outputs.position.values[k] + noise).toFixed(8)];
-  });
-}
-
-const csv = (title, rows) =>
-  `${title},drive_force [N],position [m]\n${rows.map((row) => row.join(",")).join("\n")}\n`;
-
-async function feed(first, count, mass) {
-  for (let place = first; place < first + count; place += 1) {
-    const rows = await windowOf(mass, place);
-    const stamped = rows.map(([time, ...values]) => [
-      new Date(BEGIN + 1000 * (place * WINDOW_S + time)).toISOString(),
-      ...values,
-    ]);
-    await post(`/v1/streams/${STREAM}`, csv("time", stamped), "text/csv");
-  }
-}
 
 async function watched(person) {
   const { page } = person;
@@ -56,7 +24,7 @@ async function watched(person) {
   );
   const job = await post("/v1/jobs", { ...JOB(dataset, "cma_es"), name: `press, as commissioned ${RUN}` });
   await ended(job.id);
-  await feed(0, BEFORE, 95);
+  await feed(STREAM, { first: 0, count: BEFORE, mass: 95 });
   await person.step("the stream found", async () => {
     await person.press("Plant", "Pages");
     await person.press("Streams", "Plant");
@@ -75,7 +43,7 @@ async function watched(person) {
   await person.step(`${BEFORE - 1} windows worked`, () =>
     person.sees(`Waits for window ${BEFORE - 1}`, { timeout: 300_000 }),
   );
-  await feed(BEFORE, AFTER, 120);
+  await feed(STREAM, { first: BEFORE, count: AFTER, mass: 120 });
   await person.step("the alarm seen, after a mass of 95 kg became 120 kg", () =>
     page.waitForSelector("[aria-label='Alarms'] tbody tr", { timeout: 300_000 }),
   );

@@ -7,7 +7,7 @@ import { trustBadge } from "../list/rows.js";
 import { placeOf } from "../new/preflight.js";
 import { get } from "../shell/api.js";
 import { h, table } from "../shell/dom.js";
-import { number, unitText, withError } from "../shell/format.js";
+import { number, quantity, unitText, withError } from "../shell/format.js";
 import { FOLLOWS } from "../shell/prepared.js";
 import { unknownWords } from "./unknowns.js";
 
@@ -66,15 +66,31 @@ export function moves(before, now) {
   }));
 }
 
-const valueText = (value) =>
-  typeof value === "number" ? number(value, 6) : value === undefined || value === null ? "–" : String(value);
+// The unit of a number at a pointer: that of the parameter or the signal of the model which the pointer names.
+function unitAt(pointer, model) {
+  const [, list, name] = /^\/(parameters|outputs|inputs)\/([^/]+)\//.exec(pointer) ?? [];
+  return model?.[list]?.find((entry) => entry.name === name)?.unit;
+}
+
+const EMPTY = ["{}", "[]", null, undefined];
+
+function valueText(value, unit) {
+  return EMPTY.includes(value)
+    ? "–"
+    : typeof value === "number"
+      ? quantity(number(value, 6), unit)
+      : String(value);
+}
 
 // What the specification of a job says otherwise than that of the job before, in words.
-/** @param {any} before @param {any} now */
-export const changesOf = (before, now) =>
+/** @param {any} before @param {any} now @param {any} [model] */
+export const changesOf = (before, now, model = null) =>
   differences([before, now])
-    .filter(([pointer]) => !BESIDES.test(pointer))
-    .map(([pointer, values]) => `${placeOf(pointer)}: ${values.map(valueText).join(" → ")}`);
+    .filter(([pointer, values]) => !BESIDES.test(pointer) && !values.every((value) => EMPTY.includes(value)))
+    .map(([pointer, values]) => {
+      const unit = unitAt(pointer, model);
+      return `${placeOf(pointer)}: ${values.map((value) => valueText(value, unit)).join(" → ")}`;
+    });
 
 /**
  * The part is empty until the job before it has been read, and stays so where there is none.
@@ -82,8 +98,9 @@ export const changesOf = (before, now) =>
  * @param {any} view
  * @param {any} job
  * @param {Outcome} result
+ * @param {any} model
  */
-export function ancestryPart(view, job, result) {
+export function ancestryPart(view, job, result, model) {
   const place = h("div", { class: "ancestry" });
   line(view, job).then(
     async ([parent, ...older]) => {
@@ -105,7 +122,7 @@ export function ancestryPart(view, job, result) {
           ]),
           "this job",
         ),
-        changesPart(changesOf(parent.spec, job.spec)),
+        changesPart(changesOf(parent.spec, job.spec, model)),
         ...(before ? [comparison(before, result)] : []),
       );
     },

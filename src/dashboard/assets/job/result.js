@@ -139,7 +139,7 @@ function numbers(result, state) {
   const { initial_states: states = [] } = result;
   return [
     verdictBox(result, state),
-    ancestryPart(view, job, result),
+    ancestryPart(view, job, result, model),
     result.model_search && effectsPart(result.model_search),
     h("h3", { "data-part": "Parameters" }, `Parameters${part}`),
     parameterTable(result.parameters ?? [], job, model, truths),

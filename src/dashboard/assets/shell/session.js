@@ -72,6 +72,7 @@ async function signOut() {
 export function showSignIn(root, begin) {
   const outcome = notice();
   const wayIn = identityProvider();
+  greet(null);
   const token = h("input", {
     type: "password",
     name: "token",
