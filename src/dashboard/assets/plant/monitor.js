@@ -6,7 +6,7 @@ import { get, pause, send } from "../shell/api.js";
 import { facts, h, notice, table } from "../shell/dom.js";
 import { duration, instant, number, timeSpan, withInstants, words } from "../shell/format.js";
 import { nameHeading, plantHead, stateBadge } from "./head.js";
-import { fieldSeconds, isoBefore } from "./instants.js";
+import { fieldSeconds, isoBefore, secondsOf } from "./instants.js";
 import { planText } from "./monitors.js";
 import { pagedList } from "./paged.js";
 import { mergedWindows } from "./trend.js";
@@ -284,18 +284,24 @@ function aboutMonitor({ stream, spec, created_at: created }) {
   ]);
 }
 
+// A newest sample that lies within a minute before is told by how far it lies before.
 function waitingText(waits, stream) {
   if (!waits) {
     return [];
   }
   const { window, from, to, due, reached } = waits;
+  const lack = reached ? secondsOf(due) - secondsOf(reached) : Infinity;
+  const isNear = lack > 0 && lack < 60;
   return [
     `Waits for window ${window}, `,
     timeSpan(from, to),
     `: it is worked when ${stream} has a sample at or after `,
     instant(due, true),
-    reached ? "; the newest is at " : "; it has none.",
-    reached ? [instant(reached, true), "."] : "",
+    isNear
+      ? `; the newest is ${duration(lack)} before.`
+      : reached
+        ? ["; the newest is at ", instant(reached, true), "."]
+        : "; it has none.",
   ].flat();
 }
 
