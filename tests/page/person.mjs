@@ -213,16 +213,8 @@ export class Person {
     }
   }
 
-  // Presses the button, the link or the box that the words name. Without a mouse a way to it is taken where the page
-  // offers one.
-  async press(words, within = "") {
-    const way = `Go to “${words}”`;
-    if (this.isWithoutMouse && (await this.isOffered(way))) {
-      await this.reach(way, PRESSED, "", async (control) => {
-        await this.tabTo(control);
-        await this.key("Enter");
-      });
-    }
+  // Presses the button, the link or the box that the words name.
+  press(words, within = "") {
     return this.reach(words, PRESSED, within, async (control) => {
       if (!this.isWithoutMouse) {
         return this.click(control);

@@ -7,7 +7,7 @@ import os from "node:os";
 import path from "node:path";
 import { PATIENCE } from "./browser.mjs";
 import { Person } from "./person.mjs";
-import { report, tell, verdictOn } from "./roles_engineer.mjs";
+import { report, started, tell, verdictOn } from "./roles_engineer.mjs";
 import { post } from "./server.mjs";
 
 const TRUTH = { mass: 24.5, transfer: 910, loss: 35 };
@@ -130,7 +130,7 @@ export async function plant(hands) {
     await person.sees("The job can start.");
   });
   await person.step("the job started, until its verdict", async () => {
-    await person.press("Start the job");
+    await started(person);
     tell(await verdictOn(page));
   });
   const words = await person.step("the report, printed", () => report(person, "heat exchanger"));

@@ -62,7 +62,7 @@ test("the keyboard comes from the heading of a new job to its start, past the fi
   await says(page, "The job can start.");
   await page.focus("h1");
   await page.keyboard.press("Tab");
-  assert.match(await page.evaluate(() => document.activeElement.innerText), /Go to/);
+  assert.match(await page.evaluate(() => document.activeElement.innerText), /Go to the start of the job/);
   await page.keyboard.press("Enter");
   assert.equal(await page.evaluate(() => document.activeElement.innerText), "Start the job");
   assert.deepEqual(page.faults, []);

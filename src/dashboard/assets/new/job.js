@@ -134,7 +134,7 @@ class NewJob {
     this.skip = h(
       "button",
       { type: "button", class: "skip", onclick: () => this.button.focus() },
-      "Go to “Start the job”",
+      "Go to the start of the job",
     );
   }
 
