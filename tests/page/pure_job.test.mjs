@@ -7,7 +7,6 @@ import test from "node:test";
 const part = (name) => import(new URL(`../../src/dashboard/assets/${name}`, import.meta.url));
 const { recordingsOfDraft } = await part("new/draft.js");
 const { longestUnused, movedWindow, partWithin, specifiedWindow } = await part("plot/math.js");
-const { criterionChange, followed, moves } = await part("job/ancestry.js");
 const { correlationText } = await part("job/correlation.js");
 const { judged } = await part("job/effects.js");
 const { faultsInWords, patchOf, wordsOf } = await part("job/naming.js");
@@ -25,24 +24,6 @@ const { namesEstimated } = await part("list/layout.js");
 const { withView } = await part("list/views.js");
 const { parted } = await part("model/equation.js");
 const { specOf } = await part("shell/prepared.js");
-
-const RESULT = {
-  engine: { dataset_digests: ["sha256:1"] },
-  fit: { estimation: { position: { samples: 900 } }, validation: {} },
-  criteria: { bic: 100 },
-  parameters: [
-    { name: "mass", unit: "kg", estimate: 95, standard_error: 0.1, total_standard_error: 0.5, trust: "low" },
-  ],
-};
-
-test("a prepared job names the job that it follows and draws a new seed", () => {
-  const spec = { name: "rig 4 · free friction", seed: 7, labels: { site: "hall 2" }, model: "servo" };
-  assert.deepEqual(followed(spec, "Widen the range", "job_1"), {
-    name: "rig 4 · widen the range",
-    labels: { site: "hall 2", follows: "job_1" },
-    model: "servo",
-  });
-});
 
 test("a job that is made from another has the name and the labels that the other has now, and no note", () => {
   const job = {
@@ -99,34 +80,6 @@ test("jobs that an action failed for are named with what failed", () => {
     { detail: "a, b, c and 2 more: a job has 16 labels at the most" },
     { detail: "unnamed, servo: too long" },
   ]);
-});
-
-test("moves are counted in total errors of the result before", () => {
-  const now = {
-    ...RESULT,
-    criteria: { bic: 88 },
-    parameters: [
-      { name: "mass", unit: "kg", estimate: 96, standard_error: 0.1 },
-      { name: "friction", unit: "N", estimate: 20, standard_error: 1 },
-    ],
-  };
-  const rows = moves(RESULT, now);
-  assert.deepEqual(
-    rows.map(({ key }) => key),
-    ["mass", "friction"],
-  );
-  assert.equal(rows[0].moved, 2);
-  assert.ok(Number.isNaN(rows[1].moved));
-  assert.equal(criterionChange(RESULT, now), -12);
-});
-
-test("criteria of other samples, other recordings or a noise model are not compared", () => {
-  const change = (part) => criterionChange(RESULT, { ...RESULT, ...part });
-  assert.equal(change({}), 0);
-  assert.equal(change({ fit: { estimation: { position: { samples: 600 } } } }), null);
-  assert.equal(change({ engine: { dataset_digests: ["sha256:2"] } }), null);
-  assert.equal(change({ process_noise: { chosen: "white" } }), null);
-  assert.equal(change({ criteria: { bic: null } }), null);
 });
 
 test("an effect is judged by the best model with it against the best model without it", () => {

@@ -4,6 +4,10 @@
 // GREYBOX_URL names the server.
 
 import assert from "node:assert/strict";
+import { spawn } from "node:child_process";
+import fs from "node:fs";
+import os from "node:os";
+import path from "node:path";
 
 export const base = process.env.GREYBOX_URL;
 
@@ -120,4 +124,29 @@ export async function ended(id) {
       return job;
     }
   }
+}
+
+// Starts a server with a database of its own, and answers once it listens. `database` is for the commands of the
+// program.
+export async function ownServer(program) {
+  const folder = fs.mkdtempSync(path.join(os.tmpdir(), "greybox-"));
+  const database = `sqlite://${path.join(folder, "greybox.db")}`;
+  const settings = ["serve", "--listen=127.0.0.1:0", `--database=${database}`, "--log=warn"];
+  const server = spawn(program, settings, { stdio: ["ignore", "pipe", "inherit"] });
+  const ending = new Promise((resolve) => server.once("exit", resolve));
+  const stop = async () => {
+    server.kill();
+    await ending;
+    fs.rmSync(folder, { recursive: true });
+  };
+  const address = await new Promise((resolve, reject) => {
+    let text = "";
+    server.stdout.on("data", (part) => {
+      text += part;
+      const [url] = /http:\/\/127\.0\.0\.1:\d+/.exec(text) ?? [];
+      url && resolve(url);
+    });
+    server.once("exit", (code) => reject(new Error(`the server ended with ${code}`)));
+  });
+  return { address, database, stop };
 }

@@ -113,6 +113,9 @@ test("signing out ends the session, also in another tab", { skip }, async () => 
     location.hash = "/datasets";
   });
   await tab.waitForFunction(() => document.querySelector("h1")?.textContent === "Sign in", PATIENCE);
+  // The tab had a session until now, and says whose it was.
+  assert.match(await tab.evaluate(() => document.body.innerText), /The session of token operator is over/);
+  assert.equal(await tab.$eval("#who", (who) => who.innerText), "");
   assert.equal(await tab.evaluate(async () => (await fetch("/v1/jobs")).status), 401);
 });
 

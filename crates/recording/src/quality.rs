@@ -90,8 +90,9 @@ fn gaps(instants: &[f64], sample_time: f64) -> Option<Warning> {
     }
     let detail = || {
         let (longest, place) = (shown(longest), shown(place));
+        let gaps = if count == 1 { "gap" } else { "gaps" };
         format!(
-            "{count} gaps longer than {LONGEST_BRIDGE} sample times; the longest, {longest} s, \
+            "{count} {gaps} longer than {LONGEST_BRIDGE} sample times; the longest, {longest} s, \
              begins at {place} s"
         )
     };
@@ -404,7 +405,7 @@ mod tests {
         let warnings = recording.summary().report.warnings;
         assert_eq!(warnings[0].code, "non_uniform_time");
         assert_eq!(warnings[1].code, "gap");
-        let expected = "1 gaps longer than 2 sample times; the longest, 4.5 s, begins at 3 s";
+        let expected = "1 gap longer than 2 sample times; the longest, 4.5 s, begins at 3 s";
         assert_eq!(warnings[1].detail, expected);
     }
 

@@ -2,11 +2,12 @@
 // This module says what a job changed against the job that it was prepared from. A prepared job has the
 // label `follows`, which names the job before it.
 
-import { sideBySide } from "../compare/differences.js";
+import { differences, sideBySide } from "../compare/differences.js";
 import { trustBadge } from "../list/rows.js";
+import { placeOf } from "../new/preflight.js";
 import { get } from "../shell/api.js";
 import { h, table } from "../shell/dom.js";
-import { number, unitText, withError } from "../shell/format.js";
+import { number, quantity, unitText, withError } from "../shell/format.js";
 import { FOLLOWS } from "../shell/prepared.js";
 import { unknownWords } from "./unknowns.js";
 
@@ -14,6 +15,11 @@ import { unknownWords } from "./unknowns.js";
 
 // A line shows this many jobs; further ones are reached from the first that is shown.
 const MOST_ANCESTORS = 6;
+const MOST_CHANGES = 8;
+// A criterion that changes by less does not tell two models apart.
+const TELLING = 2;
+// What differs between jobs that are told the same.
+const BESIDES = /^\/(seed|name|labels|note)(\/|$)/;
 const COLUMNS = [
   { title: "Parameter" },
   { title: "Before", numeric: true },
@@ -60,14 +66,41 @@ export function moves(before, now) {
   }));
 }
 
+// The unit of a number at a pointer: that of the parameter or the signal of the model which the pointer names.
+function unitAt(pointer, model) {
+  const [, list, name] = /^\/(parameters|outputs|inputs)\/([^/]+)\//.exec(pointer) ?? [];
+  return model?.[list]?.find((entry) => entry.name === name)?.unit;
+}
+
+const EMPTY = ["{}", "[]", null, undefined];
+
+function valueText(value, unit) {
+  return EMPTY.includes(value)
+    ? "–"
+    : typeof value === "number"
+      ? quantity(number(value, 6), unit)
+      : String(value);
+}
+
+// What the specification of a job says otherwise than that of the job before, in words.
+/** @param {any} before @param {any} now @param {any} [model] */
+export const changesOf = (before, now, model = null) =>
+  differences([before, now])
+    .filter(([pointer, values]) => !BESIDES.test(pointer) && !values.every((value) => EMPTY.includes(value)))
+    .map(([pointer, values]) => {
+      const unit = unitAt(pointer, model);
+      return `${placeOf(pointer)}: ${values.map((value) => valueText(value, unit)).join(" → ")}`;
+    });
+
 /**
  * The part is empty until the job before it has been read, and stays so where there is none.
  *
  * @param {any} view
  * @param {any} job
  * @param {Outcome} result
+ * @param {any} model
  */
-export function ancestryPart(view, job, result) {
+export function ancestryPart(view, job, result, model) {
   const place = h("div", { class: "ancestry" });
   line(view, job).then(
     async ([parent, ...older]) => {
@@ -89,12 +122,29 @@ export function ancestryPart(view, job, result) {
           ]),
           "this job",
         ),
+        changesPart(changesOf(parent.spec, job.spec, model)),
         ...(before ? [comparison(before, result)] : []),
       );
     },
     () => {},
   );
   return place;
+}
+
+/** @param {string[]} changes */
+function changesPart(changes) {
+  const rest = changes.length - MOST_CHANGES;
+  return h(
+    "div",
+    {},
+    h("p", {}, changes.length ? "What this job was told otherwise:" : "This job was told the same."),
+    h(
+      "ul",
+      {},
+      changes.slice(0, MOST_CHANGES).map((text) => h("li", {}, text)),
+      rest > 0 && h("li", {}, `and ${rest} more`),
+    ),
+  );
 }
 
 // Reads the jobs that a job follows, the nearest first.
@@ -146,9 +196,11 @@ function comparison(before, now) {
 }
 
 // Below zero the data ask for the change.
+/** @param {number} change */
 export function criterionWords(change) {
-  const size = number(Math.abs(change), 3);
-  return change < 0
-    ? `lower by ${size}: the data ask for the change`
-    : `higher by ${size}: the data do not ask for the change`;
+  const moved = `${change < 0 ? "lower" : "higher"} by ${number(Math.abs(change), 3)}`;
+  if (Math.abs(change) < TELLING) {
+    return `${moved}: too little for the data to tell the two apart`;
+  }
+  return `${moved}: the data ${change < 0 ? "ask" : "do not ask"} for the change`;
 }

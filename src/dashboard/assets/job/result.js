@@ -140,7 +140,7 @@ function numbers(result, state) {
   const { initial_states: states = [] } = result;
   return [
     verdictBox(result, state),
-    ancestryPart(view, job, result),
+    ancestryPart(view, job, result, model),
     result.model_search && effectsPart(result.model_search),
     h("h3", { "data-part": "Parameters" }, `Parameters${part}`),
     parameterTable(result.parameters ?? [], job, model, truths),
@@ -199,6 +199,15 @@ const GRADES = {
   low: "Low trust: do not use the numbers before this is settled.",
 };
 const POINTS_SHOWN = 4;
+// What the verdict names of the API leads to its guide.
+const withGuide = (text, said) =>
+  quoted(text, said).flatMap((part) =>
+    typeof part === "string"
+      ? part
+          .split(/(POST \/v1\/designs)/)
+          .map((words, k) => (k % 2 ? h("a", { href: "/docs/designs" }, words) : words))
+      : [part],
+  );
 const NO_STEP =
   "No change of this job is left that promises more: what is missing has to come from the plant, as another recording, a declared noise or another model.";
 
@@ -228,7 +237,7 @@ function verdictBox(result, state) {
     h(
       "li",
       {},
-      quoted(capital(text), said),
+      withGuide(capital(text), said),
       next.length > 0 &&
         h(
           "ul",
@@ -271,7 +280,7 @@ function verdictBox(result, state) {
           reasons.map(({ code, detail }) => {
             const title = rules.find((rule) => rule.code === code)?.title ?? code;
             const chapter = h("a", { href: `/docs/verdicts#${code}`, title: code }, title);
-            return h("li", {}, quoted(capital(detail), said), " ", chapter);
+            return h("li", {}, withGuide(capital(detail), said), " ", chapter);
           }),
         ),
       ),

@@ -92,6 +92,7 @@ class JobList {
     this.loaded = false;
     this.whole = false;
     this.isFitted = null;
+    this.asked = null;
     this.outcome = notice();
     this.summary = h("p", { class: "quiet", role: "status" }, "Loading …");
     this.emptyNote = h("p", { hidden: true }, "No job is like this.");
@@ -294,6 +295,10 @@ class JobList {
     for (const element of [this.choices, this.summary, this.compare]) {
       element.hidden = isEmpty;
     }
+    // The names of the filters are asked for once the first jobs are on the screen.
+    if (all > 0) {
+      this.asked ??= described().then(this.offerNames, (error) => this.outcome.fail(error));
+    }
   }
 
   take(told) {
@@ -325,8 +330,8 @@ class JobList {
     }
   }
 
-  // The newest jobs are on the screen before anything else is asked for. The stream of changes needs a moment
-  // to open, and the description of the API is long.
+  // The newest jobs are on the screen before anything else is asked for: the stream of changes needs a moment
+  // to open.
   async open() {
     const asked = newest ?? readPage({ limit: FIRST_PAGE, estimates: this.estimates }, this.view.signal);
     newest = null;
@@ -343,7 +348,6 @@ class JobList {
       this.outcome.fail(error);
     }
     this.follow();
-    described().then(this.offerNames, (error) => this.outcome.fail(error));
   }
 
   /** @param {{ items: any[], next_page_token?: string }} data */

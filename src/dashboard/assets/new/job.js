@@ -130,6 +130,12 @@ class NewJob {
       { type: "button", class: "primary", onclick: () => this.submit() },
       "Start the job",
     );
+    // With the keyboard the button is a hundred fields away.
+    this.skip = h(
+      "button",
+      { type: "button", class: "skip", onclick: () => this.button.focus() },
+      "Go to the start of the job",
+    );
   }
 
   elements() {
@@ -171,6 +177,7 @@ class NewJob {
     });
     show("guided");
     return [
+      this.skip,
       h("div", { role: "tablist", "aria-label": "How to say it", class: "tabs" }, buttons),
       h(
         "div",
@@ -208,6 +215,7 @@ class NewJob {
     }
     this.redraw();
     this.button.disabled = !this.spec.model || !(this.spec.experiments?.length > 0);
+    this.skip.hidden = this.button.disabled;
     this.preflight.check();
   }
 

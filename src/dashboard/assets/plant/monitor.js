@@ -3,14 +3,14 @@
 // the alarms. The page follows the events of the monitor.
 
 import { get, pause, send } from "../shell/api.js";
-import { facts, h, notice, quoted, table } from "../shell/dom.js";
-import { duration, instant, number, timeSpan, words } from "../shell/format.js";
+import { facts, h, notice, table } from "../shell/dom.js";
+import { duration, instant, number, timeSpan, withInstants, words } from "../shell/format.js";
 import { nameHeading, plantHead, stateBadge } from "./head.js";
-import { fieldSeconds, isoBefore } from "./instants.js";
+import { fieldSeconds, isoBefore, secondsOf } from "./instants.js";
 import { planText } from "./monitors.js";
 import { pagedList } from "./paged.js";
 import { mergedWindows } from "./trend.js";
-import { TrendPlots, windowTable } from "./windows.js";
+import { TrendPlots, windowLink, windowTable } from "./windows.js";
 
 // Events that come together make a single request.
 const GATHER_MS = 300;
@@ -62,10 +62,15 @@ class MonitorPage {
       failed: (error) => this.outcome.fail(error),
       draw: (rows) => {
         this.drawPlots();
-        return table("Alarms", ALARM_COLUMNS, rows.map(alarmRow), {
-          empty: "No alarm was raised.",
-          stacked: true,
-        });
+        return table(
+          "Alarms",
+          ALARM_COLUMNS,
+          rows.map((alarm) => alarmRow(alarm, this.windows)),
+          {
+            empty: "No alarm was raised.",
+            stacked: true,
+          },
+        );
       },
     });
     this.spec = h("pre", { tabindex: "0" });
@@ -279,26 +284,34 @@ function aboutMonitor({ stream, spec, created_at: created }) {
   ]);
 }
 
+// A newest sample that lies within a minute before is told by how far it lies before.
 function waitingText(waits, stream) {
   if (!waits) {
     return [];
   }
   const { window, from, to, due, reached } = waits;
+  const lack = reached ? secondsOf(due) - secondsOf(reached) : Infinity;
+  const isNear = lack > 0 && lack < 60;
   return [
     `Waits for window ${window}, `,
     timeSpan(from, to),
     `: it is worked when ${stream} has a sample at or after `,
     instant(due, true),
-    reached ? "; the newest is at " : "; it has none.",
-    reached ? [instant(reached, true), "."] : "",
+    isNear
+      ? `; the newest is ${duration(lack)} before.`
+      : reached
+        ? ["; the newest is at ", instant(reached, true), "."]
+        : "; it has none.",
   ].flat();
 }
 
-function alarmRow({ kind, raised_at: raised, window, detail }) {
+// An alarm leads to the job of its window.
+function alarmRow({ kind, raised_at: raised, window: place, detail }, windows) {
+  const window = windows.find(({ number }) => number === place);
   return [
     instant(raised),
     h("span", { class: "badge failed" }, words(kind)),
-    window === undefined ? "–" : String(window),
-    h("span", { class: "sentence" }, quoted(detail)),
+    place === undefined ? "–" : window ? windowLink(window) : String(place),
+    h("span", { class: "sentence" }, withInstants(detail)),
   ];
 }

@@ -93,12 +93,17 @@ export function windowTable(windows) {
   );
 }
 
+// The number of a window leads to its job, where it has one.
+export function windowLink({ number, job }) {
+  return job
+    ? h("a", { href: `#/jobs/${job}`, title: `Job of window ${number}` }, `job ${number}`)
+    : String(number);
+}
+
 function windowRow(window, parameters) {
-  const { number, from, to, status, reason, job, dataset, trust, doubts, start } = window;
+  const { number, from, to, status, reason, dataset, trust, doubts, start } = window;
   return [
-    job
-      ? h("a", { href: `#/jobs/${job}`, title: `Job of window ${number}` }, `job ${number}`)
-      : String(number),
+    windowLink(window),
     timeSpan(from, to),
     stateBadge(status),
     trust ? trustBadge(trust) : "–",

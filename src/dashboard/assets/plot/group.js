@@ -48,7 +48,7 @@ export class PlotGroup {
     this.takers = new Map();
     this.axes = new AxisWidths(() => requestAnimationFrame(() => this.align()));
     this.part = null;
-    this.elapsed = null;
+    this.changedAt = -Infinity;
     const button = (text, label, act) =>
       h("button", { type: "button", class: "small", "aria-label": label, title: label, onclick: act }, text);
     this.place = h("span", { class: "quiet", role: "status" });
@@ -108,10 +108,15 @@ export class PlotGroup {
       plot.show(this.part);
     }
     this.moved(this.part);
-    if (this.load) {
-      clearTimeout(this.timer);
-      this.timer = setTimeout(() => this.fetch(), WAIT_MS);
-    }
+    this.fetchSoon();
+  }
+
+  // A change that comes alone is read at once, and the last of many after a pause.
+  fetchSoon() {
+    const before = this.changedAt;
+    this.changedAt = performance.now();
+    clearTimeout(this.timer);
+    this.timer = setTimeout(() => this.fetch(), this.changedAt - before > WAIT_MS ? 0 : WAIT_MS);
   }
 
   zoom(factor) {
@@ -135,14 +140,12 @@ export class PlotGroup {
       return;
     }
     this.reading?.abort();
-    const reading = new AbortController();
-    this.reading = reading;
-    const leave = () => reading.abort();
-    this.signal?.addEventListener("abort", leave, { once: true });
+    this.reading = new AbortController();
+    const signals = [this.signal, this.reading.signal].filter(Boolean);
     const [from, to] = this.part ? widened(this.part) : [null, null];
     const pixels = Math.max(300, ...[...this.plots].map((plot) => plot.element.clientWidth));
     try {
-      const data = await this.load(from, to, pixels, reading.signal);
+      const data = await this.load(from, to, pixels, AbortSignal.any(signals));
       for (const [plot, take] of this.takers) {
         plot.set(...take(data));
       }
@@ -152,16 +155,13 @@ export class PlotGroup {
         this.failed(error);
       }
     }
-    this.signal?.removeEventListener("abort", leave);
   }
 
   // All plots of the group put their cursor where the cursor of the first plot is.
   point(from, x) {
-    this.plots.forEach((plot) => {
-      if (plot !== from) {
-        plot.point(x);
-      }
-    });
+    for (const plot of this.plots) {
+      plot === from || plot.point(x);
+    }
   }
 }
 

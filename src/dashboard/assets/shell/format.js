@@ -148,6 +148,11 @@ export function instantText(date, toTheSecond = false) {
   return `${instantFormat(toTheSecond ? "medium" : "short").format(date)} ${zoneName(date)}`;
 }
 
+// Writes the instants in a sentence of the server by the clock of the reader.
+/** @param {string} text */
+export const withInstants = (text) =>
+  text.split(/(\d{4}-\d\d-\d\dT\d\d:\d\d:[\d.]+Z)/).map((part, k) => (k % 2 ? instant(part, true) : part));
+
 // Writes the span between two instants to the second, with its zone; a day that both share stands once.
 export function timeSpan(from, to) {
   return from && to

@@ -38,6 +38,25 @@ const VIEWS = [
 
 const main = document.getElementById("main");
 let leave = new AbortController();
+// The first pages come without the styles of all others.
+const FIRST = ["showStart", "showJobs"];
+/** @type {Promise<void[]> | null} */
+let styling = null;
+
+// Has the browser fetch the stylesheets that the document leaves for later, each at its place among the others.
+function styled() {
+  styling ??= Promise.all(
+    Array.from(document.head.querySelectorAll("template"), (template) => {
+      const link = template.content.querySelector("link");
+      return new Promise((resolve) => {
+        link.onload = () => resolve();
+        link.onerror = () => resolve();
+        template.replaceWith(link);
+      });
+    }),
+  );
+  return styling;
+}
 
 // The path and the query that the address names after #.
 const addressed = () => (location.hash.slice(1) || "/jobs").split("?");
@@ -52,7 +71,7 @@ async function route() {
   for (const [pattern, load, show] of VIEWS) {
     const match = pattern.exec(path);
     if (match) {
-      const modules = await load();
+      const [modules] = await Promise.all([load(), FIRST.includes(show) ? null : styled()]);
       // The reader may have gone elsewhere while the modules were fetched.
       if (!signal.aborted) {
         modules[show](

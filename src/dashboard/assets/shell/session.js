@@ -6,6 +6,9 @@ import { bringCsrfToken, get, identityProvider, send } from "./api.js";
 import { h, notice } from "./dom.js";
 
 const SESSION = "/v1/session";
+// Who has a session, for as long as the page stands.
+/** @type {string | null} */
+let reader = null;
 // The view that the reader left for the identity provider.
 const LEFT = "greybox-left-view";
 
@@ -49,6 +52,7 @@ function greet(session) {
   bringCsrfToken(session?.csrf_token ?? null);
   document.body.dataset.scope = session?.scope ?? "";
   const isPerson = session && session.who !== "local";
+  reader = isPerson ? session.who : reader;
   const out = session?.csrf_token && h("button", { type: "button", onclick: signOut }, "Sign out");
   document
     .getElementById("who")
@@ -68,6 +72,7 @@ async function signOut() {
 export function showSignIn(root, begin) {
   const outcome = notice();
   const wayIn = identityProvider();
+  greet(null);
   const token = h("input", {
     type: "password",
     name: "token",
@@ -101,6 +106,13 @@ export function showSignIn(root, begin) {
   };
   root.append(
     h("h1", { tabindex: "-1" }, "Sign in"),
+    reader
+      ? h(
+          "p",
+          { role: "status" },
+          `The session of ${reader} is over: it lasts twelve hours, or until its token ends.`,
+        )
+      : "",
     h(
       "p",
       {},
