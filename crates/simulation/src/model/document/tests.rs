@@ -419,6 +419,7 @@ fn equations_name_states_and_quantities_by_their_symbols_on_both_sides() {
         "states": {"level": {"symbol": "x", "unit": "V", "derivative": "d/T", "initial": 0}},
         "outputs": {"reading": {"unit": "V", "expression": "x"}}
     });
-    let equations = &model(&document).description().equations;
+    let model = model(&document);
+    let equations = &model.description().equations;
     assert_eq!(equations, &["d = u - x", "x' = d/T", "reading = x"]);
 }
