@@ -122,8 +122,7 @@ fn a_report_shows_profiles_equations_and_a_stretch_of_a_dense_line() {
     let equations = between(&page, "<p class=\"equation\">", "</p>");
     assert_eq!(equations.len(), done.model.description().equations.len());
     assert!(
-        equations[1]
-            .contains("aria-label=\"velocity&#39; = (f - d*v - k*x - Fc*soft_sign(v, vs))/m\"")
+        equations[1].contains("aria-label=\"v&#39; = (f - d*v - k*x - Fc*soft_sign(v, vs))/m\"")
     );
     assert!(equations[1].contains("<mfrac>"), "{}", equations[1]);
 
