@@ -76,6 +76,23 @@ fn the_predicted_errors_are_the_cramer_rao_bounds_of_an_independent_program() {
 }
 
 #[test]
+fn the_budget_ahead_of_a_job_shares_out_the_error_however_far_the_middle_of_the_ranges_lies_from_the_truth()
+ {
+    let mut parameters = four_unknowns();
+    parameters["mass"] = about(1.6 * 58.0, 2.0);
+    parameters["damping"] = about(0.6 * 370.0, 2.0);
+    let (ahead, _) = forecast(parameters);
+    assert!(ahead.budget.len() > 1, "{:?}", ahead.budget);
+    for name in ["mass", "damping", "stiffness", "bulk_modulus"] {
+        let lines = ahead.budget.iter();
+        let shares = lines.filter_map(|line| Some(line.contributions.get(name)?.share));
+        // Noise has the rest.
+        let sum: f64 = shares.sum();
+        assert!(sum > 0.0 && sum < 1.0, "{name}: {sum}");
+    }
+}
+
+#[test]
 fn position_alone_does_not_tell_the_pressures_and_the_mass_apart() {
     let mut parameters = four_unknowns();
     parameters["flow_gain"] = about(8.91e-8, 2.0);

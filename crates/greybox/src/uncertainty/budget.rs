@@ -333,6 +333,7 @@ impl Budget {
         deviations: &[f64],
     ) -> Result<Budget, SimulationFailure> {
         let joint = gather(extended, around, Weighing::of_noise_alone(weights))?;
+        let joint = joint.map(Joint::of_noise_alone);
         let noise: Vec<Option<f64>> = deviations
             .iter()
             .map(|noise| Some(noise * noise).filter(|square| square.is_finite()))
@@ -355,13 +356,9 @@ impl Budget {
     ) -> Budget {
         let total = |index: usize| {
             let noise = noise[index].filter(|_| !extended.is_cut)?;
-            let Some(joint) = joint else {
-                return Some(noise.sqrt());
-            };
-            let total = if has_residuals {
-                joint.total(index, noise)?
-            } else {
-                joint.total_if(index, noise, 0, 1.0)?
+            let total = match joint {
+                Some(joint) => joint.total(index, noise)?,
+                None => noise,
             };
             Some(total.sqrt())
         };
@@ -390,10 +387,7 @@ impl Budget {
                         let (noise, total) = (noise[unknown]?, totals[unknown]?);
                         let joint = joint?;
                         let (deviation, variance) = joint.contribution(unknown, place)?;
-                        let better = match has_residuals {
-                            true => joint.total_with(unknown, noise, place, 1.0 / BETTER)?,
-                            false => joint.total_if(unknown, noise, place, 1.0 / BETTER)?,
-                        };
+                        let better = joint.total_with(unknown, noise, place, 1.0 / BETTER)?;
                         Some(Contribution {
                             deviation,
                             share: variance / (total * total),

@@ -146,6 +146,15 @@ impl Joint {
         Joint { moved, ..self }
     }
 
+    /// The same with residuals of noise alone, which put every assumption where it was declared.
+    #[must_use]
+    pub fn of_noise_alone(mut self) -> Joint {
+        for pull in [&mut self.gradient, &mut self.off, &mut self.middle] {
+            pull.fill(0.0);
+        }
+        self
+    }
+
     /// How far an unknown moves by a standard deviation of an assumption.
     #[must_use]
     pub fn move_by(&self, unknown: usize, assumption: usize) -> Option<f64> {
