@@ -11,7 +11,7 @@
 use super::equations::{Equations, HeldQuantities, Sample, System};
 use super::impossible::ImpossibleRow;
 use super::input_delay::{HeldStretch, InputDelay};
-use super::steps::{Integrator, RowCandidates, Stretch};
+use super::steps::{FirstStretch, Integrator, RowCandidates};
 use super::{Accuracy, BlockSimulator, CandidateBlock, DrivingInputs, SimulationFailure};
 use greybox_numerics::lanes::{LANES, Lanes, Real, SINGLE_LANES, Scalar};
 use greybox_numerics::width::{Wide, Width};
@@ -195,7 +195,7 @@ impl<'a, P: System, T: Scalar, const N: usize> SimulationBlock<'a, P, T, N> {
             if index > 0 {
                 self.equations.act(held);
             }
-            let stretch = Stretch { held, duration };
+            let stretch = FirstStretch { held, duration };
             self.integrator
                 .integrate(&mut self.equations, stretch, None, stop)?;
         }

@@ -7,7 +7,7 @@
 
 use super::equations::{Equations, HeldQuantities, Sample, System};
 use super::impossible::ImpossibleRow;
-use super::steps::{Arrivals, Integrator, RowCandidates, Stretch};
+use super::steps::{Arrivals, FirstStretch, Integrator, RowCandidates};
 use super::{BlockSimulator, DrivingInputs, SimulatedCandidate, SimulationFailure};
 use greybox_numerics::lanes::{LANES, Lanes, Real};
 use greybox_numerics::width::{Wide, Width};
@@ -17,13 +17,13 @@ use std::sync::atomic::AtomicBool;
 pub struct FreeBlock<'a, P> {
     plant: &'a P,
     excitation: DrivingInputs<'a>,
-    members: Vec<Member>,
+    members: Vec<QueuedCandidate>,
     failures: Vec<Option<SimulationFailure>>,
     width: Width,
 }
 
 /// A candidate, and what became of it.
-struct Member {
+struct QueuedCandidate {
     parameters: Vec<f64>,
     initial_state: Vec<Option<f64>>,
     derivatives: u64,
@@ -39,7 +39,7 @@ impl<'a, P: System + 'a> FreeBlock<'a, P> {
         candidates: &[SimulatedCandidate<'_>],
         width: Width,
     ) -> Self {
-        let member = |candidate: &SimulatedCandidate<'_>| Member {
+        let member = |candidate: &SimulatedCandidate<'_>| QueuedCandidate {
             parameters: candidate.parameters.to_vec(),
             initial_state: candidate.initial_state.to_vec(),
             derivatives: 0,
@@ -59,7 +59,7 @@ impl<'a, P: System + 'a> FreeBlock<'a, P> {
 struct Queue<'q, 'a> {
     excitation: DrivingInputs<'a>,
     held: &'q HeldQuantities<Lanes>,
-    members: &'q mut [Member],
+    members: &'q mut [QueuedCandidate],
     failures: &'q mut [Option<SimulationFailure>],
     /// The member that goes next.
     next: usize,
@@ -246,7 +246,7 @@ impl<'a, P: System + 'a> Wide for WholeRecording<'_, 'a, P> {
         };
         let is_at_work = at_work.map(|member| member.is_some());
         let duration = queue.settle::<P>(&mut integrator, &mut equations, is_at_work);
-        let stretch = Stretch {
+        let stretch = FirstStretch {
             held: &held,
             duration,
         };
@@ -277,7 +277,7 @@ impl<'a, P: System + 'a> BlockSimulator for FreeBlock<'a, P> {
     }
 
     fn states(&self) -> Vec<Lanes> {
-        let of_group = |group: &[Member]| {
+        let of_group = |group: &[QueuedCandidate]| {
             let lane = |place: usize, state: usize| match group.get(place) {
                 Some(member) => member.states[state],
                 None => f64::NAN,

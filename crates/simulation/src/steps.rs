@@ -121,7 +121,7 @@ pub struct Integrator<'a, P: System + 'a, R: Real> {
 
 /// A stretch of time over which the held quantities do not jump.
 #[derive(Clone, Copy, Debug)]
-pub struct Stretch<'s, R> {
+pub struct FirstStretch<'s, R> {
     /// What is held.
     pub held: &'s HeldQuantities<R>,
     /// How long it is for each candidate `[s]`.
@@ -266,7 +266,7 @@ impl<'a, P: System, R: Real> Integrator<'a, P, R> {
     pub fn integrate(
         &mut self,
         equations: &mut P::Row<'a, R>,
-        Stretch { held, duration }: Stretch<'_, R>,
+        FirstStretch { held, duration }: FirstStretch<'_, R>,
         mut arrivals: Option<&mut dyn Arrivals<'a, P, R>>,
         stop: &AtomicBool,
     ) -> Option<()> {

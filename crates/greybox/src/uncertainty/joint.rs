@@ -146,7 +146,7 @@ impl Joint {
         Joint { moved, ..self }
     }
 
-    /// The same with residuals of noise alone, which put every assumption where it was declared.
+    /// Replaces the residuals by noise alone, so that every assumption is expected where it was declared.
     #[must_use]
     pub fn of_noise_alone(mut self) -> Joint {
         for pull in [&mut self.gradient, &mut self.off, &mut self.middle] {

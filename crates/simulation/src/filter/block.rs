@@ -11,7 +11,7 @@ use crate::block::SimulationBlock;
 use crate::equations::{Equations, HeldQuantities};
 use crate::input_delay::HeldStretch;
 use crate::program::{DisturbanceKind, Program};
-use crate::steps::Stretch;
+use crate::steps::FirstStretch;
 use crate::{
     BlockSimulator, CandidateBlock, DrivingInputs, Plant, SimulatedCandidate, SimulationFailure,
 };
@@ -364,7 +364,7 @@ impl<'a> FilterBlock<'a> {
             integrator,
             ..
         } = &mut self.block;
-        let stretch = Stretch {
+        let stretch = FirstStretch {
             held,
             duration: length,
         };
