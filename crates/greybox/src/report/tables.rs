@@ -313,6 +313,11 @@ fn fit_row(page: &mut String, (output, unit): (&str, &str), data: &str, fit: &Ou
     );
 }
 
+/// A label that may be broken behind each underscore.
+fn breakable(label: &str) -> String {
+    escape(label).replace('_', "_<wbr>")
+}
+
 /// How the errors of the estimates hang together.
 pub fn correlation(page: &mut String, outcome: &Outcome) {
     let Some(correlation) = &outcome.correlation else {
@@ -324,7 +329,7 @@ pub fn correlation(page: &mut String, outcome: &Outcome) {
     );
     for name in &correlation.names {
         let (name, _) = unknown(outcome, name);
-        push(page, format_args!("<th>{}</th>", escape(&name)));
+        push(page, format_args!("<th>{}</th>", breakable(&name)));
     }
     page.push_str("</tr></thead>\n");
     for (name, row) in correlation.names.iter().zip(&correlation.matrix) {
@@ -400,7 +405,7 @@ pub fn starts(page: &mut String, outcome: &Outcome) {
     for name in first.parameters.keys() {
         let (name, unit) = unknown(outcome, name);
         let label = labelled(&name, unit);
-        push(page, format_args!("<th>{}</th>", escape(&label)));
+        push(page, format_args!("<th>{}</th>", breakable(&label)));
     }
     page.push_str("</tr></thead>\n");
     for start in starts {
