@@ -8,7 +8,7 @@ import fs from "node:fs";
 import os from "node:os";
 import path from "node:path";
 import { after, before, test } from "node:test";
-import { fill, labelled, launch, open, PATIENCE, picture, press, says, tools } from "./browser.mjs";
+import { fill, launch, open, PATIENCE, picture, press, says, tools } from "./browser.mjs";
 import { chapters } from "./pictures_examples.mjs";
 import { base, ended, post } from "./server.mjs";
 
@@ -165,7 +165,8 @@ async function clicked(chapter) {
 // Starts a job like another without one of its outputs, and gives the result.
 async function without(output, job) {
   const page = await open(`/#/new?from=${job}`);
-  const select = await labelled(page, output);
+  const label = `//label[starts-with(normalize-space(.), '${output} [')]//select`;
+  const select = await page.waitForSelector(`::-p-xpath(${label})`, { ...PATIENCE, visible: true });
   await select.select("");
   await page.waitForFunction(
     (name) => !document.querySelector(`input[aria-label='${name}, noise']`),

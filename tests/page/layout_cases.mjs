@@ -330,7 +330,7 @@ export const CASES = [
     content: lines(["time [s],flow [l/min],pressure [bar]"], (k) => [
       `${(k / 10).toFixed(1)},${k === 3 ? -999 : flow(k)},${pressure(k)}`,
     ]),
-    notes: "1 samples are exactly -999",
+    notes: "1 samples are exactly −999",
     steps: [["press", "What stands for no sample: -999"]],
     roles: ["Time", "Signal", "Signal"],
     read: "titles in line 1, samples from line 2 on; commas separate the columns",

@@ -122,7 +122,7 @@ test("an estimation is compared with a design from the list", { skip }, async ()
   }, ids);
   await says(page, "There is no job job_0000");
   await says(page, "Estimation: jobs 1 and 2");
-  await says(page, "/method/name");
+  await says(page, "method › name");
   await page.close();
   const compared = `/#/compare?jobs=${[...shared.jobs, shared.design].join(",")}`;
   const listed = `/#/jobs?columns=status,name,estimate:mass,estimate:offset&label=visit:${visit}`;
@@ -156,8 +156,8 @@ test("a seed of 64 bits is shown with all its digits", { skip }, async () => {
   await page.evaluate((jobs) => {
     location.hash = `/compare?jobs=${jobs}`;
   }, shared.jobs.join(","));
-  const seeds = await page.waitForSelector("::-p-xpath(//tr[td/code[. = '/seed']])", PATIENCE);
-  assert.match(await seeds.evaluate((line) => line.innerText), new RegExp(`/seed\\s+${LARGEST}\\s+1$`));
+  const seeds = await page.waitForSelector("::-p-xpath(//tr[td/span[@title = '/seed']])", PATIENCE);
+  assert.match(await seeds.evaluate((line) => line.innerText), new RegExp(`^seed\\s+${LARGEST}\\s+1$`));
   await page.evaluate((id) => {
     location.hash = `/jobs/${id}`;
   }, shared.jobs[0]);
