@@ -196,7 +196,7 @@ test("every number of a result is that of the API, for jobs of different kinds",
       const [, estimate, error, unit, interval, , trust] = rows[k];
       close(estimate, parameter.estimate, 0.02, "estimate");
       close(error, parameter.total_standard_error ?? parameter.standard_error, 0.06, "total standard error");
-      assert.equal(unit, parameter.unit === "1" ? "–" : parameter.unit);
+      assert.equal(unit, parameter.unit === "1" ? "–" : parameter.unit.replaceAll("*", "·"));
       const total = parameter.total_interval ?? parameter.confidence_interval;
       if (total) {
         close(interval.split("…")[0], total.lower, 0.02, "lower end");
