@@ -156,7 +156,7 @@ test("a seed of 64 bits is shown with all its digits", { skip }, async () => {
   await page.evaluate((jobs) => {
     location.hash = `/compare?jobs=${jobs}`;
   }, shared.jobs.join(","));
-  const seeds = await page.waitForSelector("::-p-xpath(//tr[td/span[@title = '/seed']])", PATIENCE);
+  const seeds = await page.waitForSelector("::-p-xpath(//tr[.//span[@title = '/seed']])", PATIENCE);
   assert.match(await seeds.evaluate((line) => line.innerText), new RegExp(`^seed\\s+${LARGEST}\\s+1$`));
   await page.evaluate((id) => {
     location.hash = `/jobs/${id}`;

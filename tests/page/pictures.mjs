@@ -15,8 +15,13 @@ import { RULES } from "./pictures_rules.mjs";
 import { base, ended, post } from "./server.mjs";
 
 const DOCS = fileURLToPath(new URL("../../src/dashboard/docs/", import.meta.url));
-// The many samples of a plot make a picture of twice the pixels too large.
-const pixelsOf = (parts) => (parts.some((part) => part.includes("chart")) ? 1080 : 1440);
+// The many samples of a plot make a picture of twice the pixels too large, and the many names of a budget one of fewer.
+const pixelsOf = (parts) => {
+  const [isBudget, isPlot] = [/Uncertainty budget/, /chart/].map((part) =>
+    parts.some((text) => part.test(text)),
+  );
+  return isBudget ? 800 : isPlot ? 1080 : 1440;
+};
 const MOST_BYTES = 25_000;
 const chosen = process.argv.slice(2);
 const isChosen = (name) => chosen.length === 0 || chosen.includes(name);

@@ -15,6 +15,8 @@ import { unknownWords } from "./unknowns.js";
 
 // A colour is given to this many assumptions; all further ones are listed by name in one part.
 const MOST_NAMED = 10;
+// At most this many of the assumptions that are summed are named beside a bar; the tip of the bar and the table have all.
+const MOST_MEMBERS = 4;
 const LEAST_NAMED = 0.01;
 const LEAST_DRAWN = 0.001;
 // A part that is narrower shows no text.
@@ -112,6 +114,7 @@ export function budgetBars({ budget, parameters }) {
         .filter((line) => Math.abs(shareOf(line)) > ROUNDING)
         .map((line) => `${assumptionWords(line.assumption)} ${shareText(shareOf(line))}`)
         .join(", ");
+    const smaller = together.length - MOST_MEMBERS;
     const colour = named.indexOf(together.find((line) => shareOf(line) > 0) ?? together[0]);
     const error = (value) => `± ${quantity(number(value, 2), parameter.unit)}`;
     /** @type {Share[]} */
@@ -122,7 +125,7 @@ export function budgetBars({ budget, parameters }) {
         look: `${colour < 0 ? "rest" : `source-${colour}`} summed`,
         share: sumOf(together, shareOf),
         detail: shares(together),
-        members: shares(together),
+        members: `${shares(together.slice(0, MOST_MEMBERS))}${smaller > 0 ? `, and ${smaller} smaller` : ""}`,
       },
       ...alone.map((line) => ({
         source: assumptionWords(line.assumption),
