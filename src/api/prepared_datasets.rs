@@ -92,7 +92,7 @@ impl FromQuery for PrepareQuery {
 /// The recording that a recipe would make.
 #[derive(Serialize, ToSchema)]
 pub struct PreparedPreview {
-    /// What the recording would hold.
+    /// The signals of the recording, and its report.
     #[serde(flatten)]
     summary: Summary,
     /// The samples that the recording would have, thinned out for plots.

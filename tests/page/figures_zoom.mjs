@@ -145,7 +145,7 @@ export async function samples() {
     const middle = SPIKE / 1000;
     const zoom = await zoomed(page, share(middle - width * 0.4), share(middle + width * 0.6));
     const { searchParams: part } = new URL(zoom.address);
-    // What is read is a little wider than what is shown.
+    // The part that is read has room beside the part that is shown.
     const [from, to] = [Number(part.get("from")), Number(part.get("to"))];
     const room = (0.02 * (to - from)) / 1.04;
     shown = [from + room, to - room];

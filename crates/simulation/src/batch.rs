@@ -151,8 +151,8 @@ impl AtWork {
         chosen.copied().unwrap_or(LANES)
     }
 
-    /// How many candidates that run by themselves are in one block, so that there is one for each thread.
-    /// No bit of a result depends on it.
+    /// The size of a block of candidates that run by themselves, so that there is one block for each thread.
+    /// No bit of a result depends on the size.
     fn queue(&self, candidates: usize, runs: usize) -> usize {
         let of_run = self.threads.div_ceil(runs).max(1);
         candidates

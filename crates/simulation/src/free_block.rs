@@ -3,7 +3,7 @@
 //!
 //! A step takes a row of lanes as long for one candidate as for all, and candidates of one generation may
 //! take a hundred times the steps of each other. A row that waits at each sample for its slowest candidate
-//! does a quarter of the work that its lanes could do (`benches/studies/tried.md`).
+//! takes 2.6 times the steps for those of a published problem (`benches/studies/tried.md`).
 
 use super::equations::{Equations, HeldQuantities, Sample, System};
 use super::impossible::ImpossibleRow;

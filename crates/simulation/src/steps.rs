@@ -122,14 +122,14 @@ pub struct Integrator<'a, P: System + 'a, R: Real> {
 /// A stretch of time over which the held quantities do not jump.
 #[derive(Clone, Copy, Debug)]
 pub struct FirstStretch<'s, R> {
-    /// What is held.
+    /// The quantities that are held over the stretch.
     pub held: &'s HeldQuantities<R>,
-    /// How long it is for each candidate `[s]`.
+    /// The length of the stretch for each candidate `[s]`.
     pub duration: R,
 }
 
-/// What follows where candidates of which each runs by itself come to the end of their stretch: nothing
-/// acts on their plant from outside, so that none need wait for the others.
+/// The stretches of candidates of which each runs by itself: nothing acts on the plant from outside, so that
+/// no candidate needs to wait for the others at the end of a stretch.
 pub trait Arrivals<'a, P: System, R: Real> {
     /// Takes note of the candidates that have arrived, and answers how long the next stretch of each is
     /// `[s]`, 0 where there is none. A candidate that cannot go on is marked.
@@ -151,7 +151,7 @@ struct IntegratedStretch<'s, R> {
     is_exact: bool,
     /// Trials of the row.
     trials: u32,
-    /// How many there were before the stretch of each candidate; all 0 where none runs by itself.
+    /// Trials of the row before the stretch of each candidate; all 0 where no candidate runs by itself.
     trials_before: [u32; MOST],
     runs_free: bool,
 }

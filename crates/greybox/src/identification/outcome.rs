@@ -208,7 +208,7 @@ impl InitialStateEstimate {
     }
 }
 
-/// What the start of a state is called.
+/// The name of the start of a state.
 pub(super) fn name_of_start(state: &str, experiment: usize) -> String {
     match experiment {
         0 => format!("initial_{state}"),

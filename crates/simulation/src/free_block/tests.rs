@@ -60,7 +60,7 @@ fn instants() -> Vec<f64> {
     (0..SAMPLES).map(instant).collect()
 }
 
-/// Some smooth, some stiff; one in five ends before the recording does.
+/// Parameters of smooth and of stiff candidates, of which one in five ends before the recording does.
 fn parameters(candidates: usize) -> Vec<[f64; 2]> {
     let damping = |place: usize| 10f64.powf((place * 7 % 11) as f64 * 0.3 - 1.0);
     let growth = |place: usize| if place % 5 == 3 { 0.08 } else { -0.01 };
@@ -68,7 +68,7 @@ fn parameters(candidates: usize) -> Vec<[f64; 2]> {
     (0..candidates).map(candidate).collect()
 }
 
-/// What became of each candidate, to the bit: outputs, failure, states at the end.
+/// The outputs of a candidate, its failure, and its states at the end, to the bit.
 type Fate = (Vec<u64>, Option<SimulationFailure>, Vec<u64>);
 
 fn fates(block: &mut dyn BlockSimulator, candidates: usize) -> Vec<Fate> {

@@ -133,7 +133,7 @@ function datasetParts(view, dataset, outcome) {
   ];
 }
 
-// What is known of a dataset beside its samples.
+// The facts about a dataset beside its samples.
 function about(dataset, warnings, marking) {
   return [
     h("h2", {}, "Quality"),

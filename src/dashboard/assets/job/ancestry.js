@@ -18,7 +18,7 @@ const MOST_ANCESTORS = 6;
 const MOST_CHANGES = 8;
 // A criterion that changes by less does not tell two models apart.
 const TELLING = 2;
-// What differs between jobs that are told the same.
+// Members that differ between jobs with otherwise the same specification.
 const BESIDES = /^\/(seed|name|labels|note)(\/|$)/;
 const COLUMNS = [
   { title: "Parameter" },
@@ -82,7 +82,7 @@ function valueText(value, unit) {
       : String(value);
 }
 
-// What the specification of a job says otherwise than that of the job before, in words.
+// The differences of a job's specification from that of the job before, in words.
 /** @param {any} before @param {any} now @param {any} [model] */
 export const changesOf = (before, now, model = null) =>
   differences([before, now])

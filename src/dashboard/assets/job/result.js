@@ -199,7 +199,7 @@ const GRADES = {
   low: "Low trust: do not use the numbers before this is settled.",
 };
 const POINTS_SHOWN = 4;
-// What the verdict names of the API leads to its guide.
+// A path of the API in the verdict leads to the guide about it.
 const withGuide = (text, said) =>
   quoted(text, said).flatMap((part) =>
     typeof part === "string"
